@@ -49,13 +49,18 @@ class Uncertain(NamedTuple):
 
 
 def read_uncertain(plant: Plant, file: str | os.PathLike) -> Uncertain:
-    """The vehicle with the values of a diagnosis.json, or of a fit's JSON, and their 95 % intervals."""
+    """The vehicle with the values of a diagnosis.json, or of a fit's JSON, and their 95 % intervals.
+
+    Of several logs with effects of their own, it is the vehicle as in the last one.
+    """
     values: dict[str, Any] = {}
     intervals: dict[str, tuple[float, float]] = {}
     try:
         told = json.loads(Path(file).read_text(encoding="utf-8"))
-        entries = [*told.get("coefficients", ()), *told.get("effects", ()), *told.get("parameters", ())]
-        for entry in entries:
+        effects = told.get("effects", ())
+        entries = [*told.get("coefficients", ()), *(e for e in effects if "in_last_log" not in e)]
+        entries += [e["in_last_log"] for e in effects if e.get("in_last_log")]  # of some logs only: as it is now
+        for entry in [*entries, *told.get("parameters", ())]:
             path = entry.get("path") or entry["name"]
             values[path] = float(entry["value"])
             low, high = map(float, entry.get("ci95") or (nan, nan))

@@ -25,7 +25,7 @@ from identification.diagnosis.judge.found import Effect
 from identification.diagnosis.judge.result import Stage
 from identification.diagnosis.judge.verdict import Diagnosis
 from identification.diagnosis.search.trials import Progress
-from identification.fit.changing import changed
+from identification.fit.changing import ChangingPlant, changed
 
 
 def write_diagnosis(diagnosis: Diagnosis, folder: str | os.PathLike, extras: Extras | None = None) -> dict[str, Path]:
@@ -94,8 +94,8 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
     return {
         "verdict": d.verdict,
         "summary": d.summary(),
-        "effects": [_effect(e, searched) for e in d.effects],
-        "acts_like": [_effect(e, searched) for e in d.alike],
+        "effects": [_effect(e, searched) | _in_last_log(d, e) for e in d.effects],
+        "acts_like": [_effect(e, searched) | _in_last_log(d, e) for e in d.alike],
         "tied": [list(group) for group in d.tied],
         "common_prediction": [finite(asdict(c)) for c in d.common],
         "dropped": [{"path": path, "why": why.format(it="it")} for path, why in d.dropped.items()],
@@ -200,6 +200,18 @@ def _effect(e: Effect, searched: Collection[str]) -> dict[str, Any]:
         "members": [finite(asdict(m)) for m in e.members],
         "coefficient": finite(asdict(e.coefficient)) if e.coefficient else None,
     }
+
+
+def _in_last_log(d: Diagnosis, e: Effect) -> dict[str, Any]:
+    """Of an effect of some logs only, what it comes to in the last of them; None if it is none of these."""
+    form, path = changed(e.path)
+    plant = d.after.plant
+    if not form or not isinstance(plant, ChangingPlant):
+        return {}
+    if not plant.courses[form].at(len(d.record) - 1):
+        return {"in_last_log": None}
+    value = value_at(d.plants["after"], path)
+    return {"in_last_log": {"path": path, "value": value, "ci95": [value - e.value + end for end in e.ci95]}}
 
 
 def again(file: str | os.PathLike, record: Record, progress: Progress = lambda fraction, text: None) -> Diagnosis:

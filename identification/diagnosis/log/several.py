@@ -60,7 +60,7 @@ def with_own_effects(log: CheckedLog, paths: Sequence[str]) -> CheckedLog | None
 
 
 def in_last_log(plant: Plant, record: Record) -> Plant:
-    """A vehicle as it was in the last of a record's logs, without what is not known of a single vehicle."""
+    """A vehicle as it was in the last of a record's logs."""
     return plant.at_row(len(record) - 1) if isinstance(plant, ChangingPlant) else plant
 
 

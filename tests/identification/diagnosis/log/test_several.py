@@ -14,7 +14,7 @@ from identification import closed_loop, diagnose, write_diagnosis
 from identification.deciding import BLOCKS
 from identification.diagnosis.log.checking import Asked, check_log
 from identification.diagnosis.log.several import in_last_log, last_log, logs_in, with_own_effects
-from identification.diagnosis.result_files import again
+from identification.diagnosis.result_files import again, as_json
 from identification.diagnosis.search.candidates import Candidate, candidates_of
 from identification.diagnosis.search.constancy import _sixths, steadiness
 from identification.diagnosis.search.explanations import meaning
@@ -184,6 +184,9 @@ def test_two_sizes_of_one_effect_are_told_apart():
     assert found.verdict in ("named", "tied")
     sizes = [value_at(found.after.plant.at_row(log.rows.start), OFFSET) for log in logs_in(found.record)]
     assert sizes == pytest.approx([0.05, 0.02], abs=0.002)
+    told = {e["path"]: e.get("in_last_log", e) for e in as_json(found)["effects"]}
+    assert told[change("log1", OFFSET)] is None
+    assert told[OFFSET]["value"] == pytest.approx(0.02, abs=0.002)
 
 
 @pytest.mark.parametrize("count, parts", [(1, 6), (2, 6), (4, 8), (6, 6), (9, 6)])
