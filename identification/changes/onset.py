@@ -14,7 +14,18 @@ from auv_gym.records.record import Record
 from identification.changes.forms import Changeable, Sized, in_form, kind_of, sized, tied_names, usable_log
 from identification.changes.spans import BETWEEN, OUTSIDE, best_spans, spans_of
 from identification.changes.times import moved_to_best, placed, split_evidence
-from identification.deciding import BLOCKS, DOUBT, FEW_STATES, MOST_EFFECTS, MOST_PARTS, PROMISED, TIMED, UNSTEADY
+from identification.deciding import (
+    BLOCKS,
+    DOUBT,
+    FEW_STATES,
+    HOPELESS,
+    MOST_EFFECTS,
+    MOST_PARTS,
+    PROMISED,
+    TIE,
+    TIMED,
+    UNSTEADY,
+)
 from identification.diagnosis.log.checking import Asked, CheckedLog
 from identification.diagnosis.log.parts import Part, block_numbers
 from identification.diagnosis.search.attribution import Round, selected, settled
@@ -224,7 +235,7 @@ def _searched(
             if again.chosen is not None:
                 other = reached if again.chosen.candidate is best.candidate else _at_best_times(bench, again.chosen)
                 if made.chosen is None or reached.bench.gain(reached.state, other.state) >= 0.0:
-                    made, reached = again, other
+                    made, reached = _each_at_its_times(bench, again, other)
         if made.chosen is None:
             break
         made, reached = _unless_throughout(state, forms, made, reached, count)
@@ -293,6 +304,26 @@ def _at_the_same_times(
     if kind_of(form) in (FROM, UNTIL):
         return [c for f in forms for group in f.groups for c in group if changed(c.paths[0])[0] == form], {}
     return [], {}
+
+
+def _each_at_its_times(bench: Workbench, made: Round, reached: _Reached) -> tuple[Round, _Reached]:
+    """What was chosen, tied with what explains the log as well at times of its own, or what explains it better then.
+
+    A time that suits one effect best is a little off for another one that does the same.  bench: of the trials.
+    """
+    for trial in made.trials:
+        chosen = made.chosen
+        assert chosen is not None
+        behind = chosen.total - trial.total
+        if trial in (chosen, *made.tied) or trial.state is None or trial.objection or behind > HOPELESS:
+            continue
+        other = _at_best_times(bench, trial)
+        ahead = bench.gain(reached.state, other.state)
+        if ahead > 0.0:
+            made, reached = replace(made, chosen=trial, tied=(chosen, *made.tied) if ahead < TIE else ()), other
+        elif ahead > -TIE:
+            made = replace(made, tied=(*made.tied, trial))
+    return made, reached
 
 
 def _unless_throughout(

@@ -109,7 +109,7 @@ def test_missions_without_a_change_and_a_log_without_an_onset(tmp_path, capsys):
         closed_loop(plant, rng=np.random.default_rng(seed), duration=600.0).save(files[-1])
     out = tmp_path / "out"
     assert main(["compare-missions", files[0], "--with", files[1], "--vehicle", "slocum", "--out", str(out)]) == 0
-    assert "These missions show no change." in capsys.readouterr().out
+    assert "No change was found between these missions." in capsys.readouterr().out
     assert json.loads((out / "changes.json").read_text())["changed"] == []
     assert main(["onset", files[0], "--vehicle", "slocum", "--out", str(out)]) == 0
     assert "no known effect is missing at any time" in capsys.readouterr().out

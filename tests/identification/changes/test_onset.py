@@ -1,6 +1,7 @@
 """When an effect began, in a log in which it acts from a time on."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from identification.changes import onset
 from identification.changes.onset import _throughout, find_onsets
 from identification.changes.wording import timeline_summary
 from identification.diagnosis.log.checking import Asked, check_log
+from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.known import Known, fit_known
 from identification.experiments.heading_control import closed_loop
 from scripts.blind.changing import ChangingGlider
@@ -65,6 +67,37 @@ def test_a_rudder_that_goes_off_is_named_with_the_time():
     assert only.time.ci95[1] - only.time.ci95[0] < 80.0
     assert near(only.size, 0.03)
     assert timeline_summary(found)[0].startswith("Rudder offset, 1.7")
+
+
+@pytest.mark.parametrize(
+    "ahead, chosen, tied",
+    [(5.0, "b", ("a",)), (20.0, "b", ()), (-5.0, "a", ("b",)), (-20.0, "a", ())],
+)
+def test_rivals_are_compared_at_times_of_their_own(monkeypatch, ahead, chosen, tied):
+    """Behind at the times of the chosen one; at its own, so far ahead of it."""
+
+    def trial(name, total, objection=""):
+        return SimpleNamespace(candidate=name, total=total, state=name, objection=objection)
+
+    first, second = trial("a", 60.0), trial("b", 50.0)
+    others = [trial("c", -20.0), trial("d", 55.0, "not significant")]  # hopeless, and refused
+    made = Round((first, second, *others), first, (), {})  # type: ignore[arg-type]
+    bench = SimpleNamespace(gain=lambda one, other: ahead)
+    monkeypatch.setattr(onset, "_at_best_times", lambda bench, trial: SimpleNamespace(state=trial.state))
+    found, reached = onset._each_at_its_times(bench, made, SimpleNamespace(state="a"))  # type: ignore[arg-type]
+    assert (found.chosen.candidate, tuple(t.candidate for t in found.tied)) == (chosen, tied)
+    assert reached.state == chosen
+
+
+@pytest.mark.slow
+def test_an_onset_is_that_of_the_rudder_and_not_of_a_moment_at_another_time():
+    plant = load_vehicle("slocum")
+    bent = replace_at(plant, OFFSET, 0.03)
+    moving = ChangingGlider(plant, lambda t: bent if t >= 800.0 else plant)
+    record = closed_loop(moving, rng=np.random.default_rng(5), duration=1400.0)
+    (found,) = find_onsets(record.between(124.0, 1208.0), plant, doubt=0.0).found
+    assert (found.path, found.form) == (OFFSET, "from")
+    assert found.time.ci95[0] <= 800.0 <= found.time.ci95[1]
 
 
 def test_of_a_vehicle_with_many_states_the_times_of_the_likeliest_are_sought(monkeypatch):
