@@ -15,7 +15,8 @@ from identification.diagnosis.extras import Extras
 from identification.diagnosis.judge.judging import judge
 from identification.diagnosis.judge.verdict import Diagnosis
 from identification.diagnosis.log.checking import Asked, CheckedLog, check_log
-from identification.diagnosis.log.several import logs_in, with_own_effects
+from identification.diagnosis.log.parts import logs_in
+from identification.diagnosis.log.several import with_own_effects
 from identification.diagnosis.search.known import fit_known
 from identification.diagnosis.search.searching import Searched, may_differ, search_effects
 from identification.diagnosis.search.trials import Progress

@@ -82,9 +82,12 @@ def one_sample(
     finite = np.empty(count, dtype=np.bool_)
     for c in range(count):
         error[c] = measured[columns[c]] - y[columns[c]]
-        for d in range(push.shape[0]):
-            if misreads(kicks[d]) == columns[c]:
-                error[c] -= push[d]
+    for d in range(push.shape[0]):
+        if misreads(kicks[d]) >= 0:
+            for c in range(count):
+                if misreads(kicks[d]) == columns[c]:
+                    error[c] -= push[d]
+    for c in range(count):
         finite[c] = np.isfinite(error[c])
         if not finite[c]:
             error[c] = 0.0
@@ -100,9 +103,10 @@ def one_sample(
             for c in range(count):
                 slopes[c, j] = (other[columns[c]] - y[columns[c]]) / probes[j]
         for d in range(push.shape[0]):
-            for c in range(count):
-                if misreads(kicks[d]) == columns[c]:
-                    slopes[c, size + d] = 1.0
+            if misreads(kicks[d]) >= 0:
+                for c in range(count):
+                    if misreads(kicks[d]) == columns[c]:
+                        slopes[c, size + d] = 1.0
         gains[:, :] = 0.0
         whiten[:, :] = 0.0
         innovations[:] = 0.0

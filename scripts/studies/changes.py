@@ -145,39 +145,18 @@ def changing_log(
 
 
 def _missions(case: str, plant: Plant, conditions: Conditions, rng: np.random.Generator) -> dict[str, Any]:
-    seeds, there = [int(s) for s in rng.integers(2**31, size=2)], MISSIONS[case]
-    path, plants, logs = "", (plant, plant), []
-    for _ in range(ATTEMPTS):
-        try:
-            if any(there):
-                path, other = drawn_effect(plant, conditions, seeds[1], rng)
-                plants = tuple(other if effect else plant for effect in there)
-            logs = [log_of(p, conditions, seed) for p, seed in zip(plants, seeds, strict=True)]
-            break
-        except (ValueError, Diverged, np.linalg.LinAlgError):  # the vehicle cannot be kept on its way with it
-            logs = []
-    if not logs:
-        raise ValueError(f"No effect of {plant.name} shows in {ATTEMPTS} draws.")
+    there = MISSIONS[case]
+    path, other, logs = drawn_logs(plant, conditions, rng, there)
     begin = perf_counter()
     found = compare_missions(logs[0], logs[1], plant)
-    truth = [value_at(p, path) for p in plants] if path else []
+    truth = [value_at(other if effect else plant, path) for effect in there] if path else []
     return _told(found, path, truth) | {"seconds": perf_counter() - begin}
 
 
 def _several(case: str, plant: Plant, conditions: Conditions, rng: np.random.Generator) -> dict[str, Any]:
     """Three logs as one record, some of them with an effect."""
-    seeds, there, path, other = [int(s) for s in rng.integers(2**31, size=3)], SEVERAL[case], "", plant
-    logs = list[Record]()
-    for _ in range(ATTEMPTS):
-        try:
-            if there:
-                path, other = drawn_effect(plant, conditions, seeds[1], rng)
-            logs = [log_of(other if k in there else plant, conditions, seed) for k, seed in enumerate(seeds, 1)]
-            break
-        except (ValueError, Diverged, np.linalg.LinAlgError):
-            logs = []
-    if not logs:
-        raise ValueError(f"No effect of {plant.name} shows in {ATTEMPTS} draws.")
+    there = SEVERAL[case]
+    path, other, logs = drawn_logs(plant, conditions, rng, [k in there for k in (1, 2, 3)])
     begin = perf_counter()
     labelled = [log.with_labels([f"log {k}"] * len(log.segments)) for k, log in enumerate(logs, 1)]
     found = diagnose(concat(labelled), plant)
@@ -198,6 +177,22 @@ def _several(case: str, plant: Plant, conditions: Conditions, rng: np.random.Gen
         "sized": size is not None,
         "seconds": perf_counter() - begin,
     }
+
+
+def drawn_logs(
+    plant: Plant, conditions: Conditions, rng: np.random.Generator, there: Sequence[bool]
+) -> tuple[str, Plant, list[Record]]:
+    """Logs, some of them with an effect: its path, "" where none has one, the plant with it, and the logs."""
+    seeds, path, other = [int(s) for s in rng.integers(2**31, size=len(there))], "", plant
+    for _ in range(ATTEMPTS):
+        try:
+            if any(there):
+                path, other = drawn_effect(plant, conditions, seeds[1], rng)
+            plants = [other if effect else plant for effect in there]
+            return path, other, [log_of(p, conditions, seed) for p, seed in zip(plants, seeds, strict=True)]
+        except (ValueError, Diverged, np.linalg.LinAlgError):  # the vehicle cannot be kept on its way with it
+            continue
+    raise ValueError(f"No effect of {plant.name} shows in {ATTEMPTS} draws.")
 
 
 def drawn_effect(

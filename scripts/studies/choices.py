@@ -62,13 +62,12 @@ def logs() -> list[Log]:
     return [log for log in LOGS if not log.name.startswith("BlueROV2 Heavy")]
 
 
-def attempt(case: str, seed: int, data: Path, **options: Any) -> list[dict[str, Any]]:
+def attempt(case: str, seed: int, data: str) -> list[dict[str, Any]]:
     """What is named with each choice; seed: not used."""
-    log = next(log for log in logs() if log.name == case)
-    missing = log.missing(Path(data))
-    if missing:
+    log, folder = next(log for log in logs() if log.name == case), Path(data)
+    if missing := log.missing(folder):
         raise ValueError(f"{missing[0]} is not in {data}.")
-    return [_named(log, Path(data), choice) for choice in CHOICES]
+    return [_named(log, folder, choice) for choice in CHOICES]
 
 
 def _named(log: Log, data: Path, choice: str) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from auv_gym.channels import channel
 from auv_gym.param import spec_at, value_at
 from identification.deciding import SLIGHT, STABLE, UNSTEADY
 from identification.diagnosis.judge.result import Result
-from identification.diagnosis.log.several import logs_in
+from identification.diagnosis.log.parts import logs_in
 from identification.diagnosis.wording import (
     accelerations,
     capital,
@@ -207,13 +207,13 @@ def _slight_sentence(d: Result) -> str:
 
 def _logs_sentence(d: Result) -> str:
     """What an effect comes to in each log where some of them differ in it, and which vehicle is written."""
-    own = [changed(e.path)[1] for e in d.added if changed(e.path)[0]]
-    if not own:
+    own, after = [changed(e.path)[1] for e in d.added if changed(e.path)[0]], d.after.plant
+    if not own or not isinstance(after, ChangingPlant):
         return ""
     logs, told = logs_in(d.record), []
-    plants = [d.after.plant.at_row(log.rows.start) for log in logs] if isinstance(d.after.plant, ChangingPlant) else []
+    plants = [after.at_row(log.rows.start) for log in logs]
     for path in dict.fromkeys(own):
-        spec, sizes = spec_at(d.after.plant, path), [value_at(plant, path) for plant in plants]
+        spec, sizes = spec_at(after, path), [value_at(plant, path) for plant in plants]
         shown = range(len(logs)) if len(logs) <= _FEW_DIVES else (int(np.argmin(sizes)), int(np.argmax(sizes)))
         each = [f"{quantity(sizes[k], spec.unit)} in {logs[k].name}" for k in shown]
         by_log = listed(each) if len(logs) <= _FEW_DIVES else f"from {' to '.join(each)}"

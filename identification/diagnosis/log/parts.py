@@ -6,6 +6,7 @@ Parts follow from the record, not from how long free runs are wanted, so that no
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -36,13 +37,47 @@ def parts_of(plant: Plant, record: Record, most: int = MOST_PARTS) -> tuple[Part
                 tuple(s for s, k in zip(stretches, of, strict=True) if used.index(k) % count == part)
                 for part in range(count)
             )
-    numbers = [block_numbers(record, stretches, most)[s] for s in _own(stretches)]
-    found: list[list[slice]] = [[] for _ in range(most)]
-    for stretch, own in zip(stretches, numbers, strict=True):
+    return tuple(tuple(part) for part in in_equal_times(record, stretches, most) if part)
+
+
+def in_equal_times(record: Record, stretches: Sequence[slice], count: int) -> list[list[slice]]:
+    """The pieces of stretches in each of `count` equal times; see `block_numbers`."""
+    numbers = block_numbers(record, stretches, count)
+    found: list[list[slice]] = [[] for _ in range(count)]
+    for stretch, own in zip(stretches, (numbers[s] for s in _own(stretches)), strict=True):
         edges = stretch.start + np.r_[0, np.flatnonzero(np.diff(own)) + 1, own.size]
         for a, b in pairwise(edges.tolist()):
             found[int(own[a - stretch.start])].append(slice(a, b))
-    return tuple(tuple(part) for part in found if part)
+    return found
+
+
+@dataclass(frozen=True)
+class OneLog:
+    """One of a record's logs: its label, its number, and its rows."""
+
+    label: str
+    number: int
+    rows: slice
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return self.label or f"log {self.number}"
+
+    def among(self, pieces: Sequence[slice]) -> list[slice]:
+        """Those of some pieces of the record that begin in it."""
+        return [p for p in pieces if self.rows.start <= p.start < self.rows.stop]
+
+
+def logs_in(record: Record) -> list[OneLog]:
+    """The logs of a record, which are its segments of one label."""
+    found: list[OneLog] = []
+    for label, segment in zip(record.labels, record.segments, strict=True):
+        if found and found[-1].label == label:
+            found[-1] = replace(found[-1], rows=slice(found[-1].rows.start, segment.stop))
+        else:
+            found.append(OneLog(label, len(found) + 1, segment))
+    return found
 
 
 def excerpts(record: Record, parts: Sequence[Part], inputs: Sequence[str], samples: int) -> tuple[Part, ...]:
@@ -50,22 +85,14 @@ def excerpts(record: Record, parts: Sequence[Part], inputs: Sequence[str], sampl
 
     No reading decides which of them count, only what was commanded.
     """
-    return tuple(
-        tuple(_liveliest(record, own, inputs, samples // len(logs)) for own in logs)
-        for logs in (_by_log(record, part) for part in parts)
-    )
+    logs, found = logs_in(record), list[Part]()
+    for part in parts:
+        by_log = [own for own in (one.among(part) for one in logs) if own]
+        found.append(tuple(_liveliest(record, own, inputs, samples // len(by_log)) for own in by_log))
+    return tuple(found)
 
 
-def _by_log(record: Record, part: Part) -> list[Part]:
-    """The pieces of a part, those of one label together, in the order of the record."""
-    starts, labels, found = [segment.start for segment in record.segments], record.labels, dict[str, list[slice]]()
-    for piece in part:
-        segment = int(np.searchsorted(starts, piece.start, side="right")) - 1
-        found.setdefault(labels[segment], []).append(piece)
-    return [tuple(own) for own in found.values()]
-
-
-def _liveliest(record: Record, part: Part, inputs: Sequence[str], samples: int) -> slice:
+def _liveliest(record: Record, part: Sequence[slice], inputs: Sequence[str], samples: int) -> slice:
     pieces = [slice(a, min(a + samples, p.stop)) for p in part for a in range(p.start, p.stop, samples)]
     longest = max(p.stop - p.start for p in pieces)
     pieces = [p for p in pieces if 2 * (p.stop - p.start) >= longest]

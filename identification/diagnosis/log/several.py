@@ -3,42 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import replace
 
 import numpy as np
 
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.diagnosis.log.checking import CheckedLog
-from identification.diagnosis.log.parts import Part, block_numbers, windows_of
+from identification.diagnosis.log.parts import OneLog, Part, in_equal_times, logs_in, windows_of
 from identification.fit.changing import ChangingPlant, Course
 from identification.fit.shooting import unknown_states
-
-
-@dataclass(frozen=True)
-class OneLog:
-    """One of a record's logs: its label, its number, and its rows."""
-
-    label: str
-    number: int
-    rows: slice
-
-    @property
-    def name(self) -> str:
-        """What it is called."""
-        return self.label or f"log {self.number}"
-
-
-def logs_in(record: Record) -> list[OneLog]:
-    """The logs of a record, which are its segments of one label."""
-    found: list[OneLog] = []
-    for label, segment in zip(record.labels, record.segments, strict=True):
-        if found and found[-1].label == label:
-            found[-1] = replace(found[-1], rows=slice(found[-1].rows.start, segment.stop))
-        else:
-            found.append(OneLog(label, len(found) + 1, segment))
-    return found
 
 
 def with_own_effects(log: CheckedLog, paths: Sequence[str]) -> CheckedLog | None:
@@ -88,19 +62,13 @@ def _shares_of_each(log: CheckedLog, logs: Sequence[OneLog]) -> tuple[Part, ...]
     found: list[list[slice]] = [[] for _ in range(count)]
     pieces = sorted((piece for part in log.parts for piece in part), key=lambda w: w.start)
     for one in logs:
-        own = [p for p in pieces if one.rows.start <= p.start < one.rows.stop]
+        own = one.among(pieces)
         if unknown_states(log.plant):  # dives as a whole: pieces would tell each other what each does not know
-            numbers = [np.full(p.stop - p.start, k % count) for k, p in enumerate(own)]
+            shares = [own[k::count] for k in range(count)]
         else:
-            numbers = _cut(block_numbers(log.record, own, count), own) if own else []
-        if len(set(np.concatenate(numbers).tolist() if numbers else [])) < 2:
+            shares = in_equal_times(log.record, own, count) if own else []
+        if sum(map(bool, shares)) < 2:
             return ()
-        for piece, number in zip(own, numbers, strict=True):
-            edges = piece.start + np.r_[0, np.flatnonzero(np.diff(number)) + 1, number.size]
-            for a, b in pairwise(edges.tolist()):
-                found[int(number[a - piece.start])].append(slice(a, b))
+        for part, share in zip(found, shares, strict=True):
+            part += share
     return tuple(tuple(part) for part in found if part)
-
-
-def _cut(numbers: np.ndarray, pieces: Sequence[slice]) -> list[np.ndarray]:
-    return np.split(numbers, np.cumsum([p.stop - p.start for p in pieces])[:-1])

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 from auv_gym.param import positions, replace_at, spec_at, value_at
 from auv_gym.records.record import Record
 from identification.deciding import BLOCKS, MOST_PARTS, SLIGHTLY, UNSTEADY
-from identification.diagnosis.log.several import logs_in
+from identification.diagnosis.log.parts import logs_in
 from identification.diagnosis.search.beside_noise import Weight, freedom_of
 from identification.diagnosis.search.candidates import Candidate, Screening, screen
 from identification.diagnosis.search.workbench import ITERATIONS, TRIAL_GAIN, State, Workbench

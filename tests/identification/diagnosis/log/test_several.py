@@ -10,10 +10,12 @@ import pytest
 from auv_gym import concat, load_vehicle, replace_at
 from auv_gym.param import spec_at, value_at
 from auv_gym.records.record import Record
+from controllers.tuning.spread import read_uncertain
 from identification import closed_loop, diagnose, write_diagnosis
 from identification.deciding import BLOCKS
 from identification.diagnosis.log.checking import Asked, check_log
-from identification.diagnosis.log.several import in_last_log, last_log, logs_in, with_own_effects
+from identification.diagnosis.log.parts import logs_in
+from identification.diagnosis.log.several import in_last_log, last_log, with_own_effects
 from identification.diagnosis.result_files import again, as_json
 from identification.diagnosis.search.candidates import Candidate, candidates_of
 from identification.diagnosis.search.constancy import _sixths, steadiness
@@ -155,6 +157,9 @@ def test_an_effect_of_one_log_is_named_with_that_log(tmp_path):
     assert f'"{change("log2", OFFSET)}"' in files["diagnosis.json"].read_text()
     assert "log1.csv" in files["report.html"].read_text()
     assert again(files["diagnosis.json"], record).summary() == found.summary()
+    uncertain = read_uncertain(load_vehicle("slocum"), files["diagnosis.json"])
+    assert uncertain.intervals[OFFSET] == pytest.approx(only.ci95)
+    assert value_at(uncertain.plant, OFFSET) == pytest.approx(only.value)
     assert not any(
         p.startswith("changes.") for p in json.loads(files["diagnosis.json"].read_text())["vehicle"]["units"]
     )
