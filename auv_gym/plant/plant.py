@@ -329,7 +329,7 @@ class Plant:
         before = np.stack([own for _, own in earlier], axis=1) if earlier else np.empty((count, 0, parameters))
         windows = (runs.begin, runs.stop, c.carried, c.constant)
         times = (runs.times, runs.inputs, runs.first, runs.references, self.longest_step, runs.stride, runs.shares)
-        corrected = (c.measured, c.gains, c.kicks, c.decays)
+        corrected = (c.measured, c.gains, c.moved, c.told, c.kicks, c.decays)
         starts = np.ascontiguousarray(starts)  # each layout would be compiled for itself
         self.programs.rollout(vectors, starts, *windows, *times, *corrected, before, until, y, after)
 
@@ -373,12 +373,15 @@ def _shared_out(count: int, rows: int, run: Callable[[slice], None]) -> None:
 class Correction:
     """What corrects a run at every row, see `auv_gym.plant.rollout.rollout`.
 
-    measured: (rows, n_outputs), NaN where nothing is.  gains: (rows, F, n_outputs), or (0, ...) for free runs.
+    measured: (rows, n_outputs), NaN where nothing is.  gains: (rows, N, C), or (0, ...) for free runs, of the `moved`
+    ones, (N,), among F states, sensor states and accelerations, and of the outputs that `told` counts, (C,).
     kicks: (D, 4).  decays: (rows, D).  carried: (W,) bool.  constant: (n_states,) bool.
     """
 
     measured: np.ndarray
     gains: np.ndarray
+    moved: np.ndarray
+    told: np.ndarray
     kicks: np.ndarray
     decays: np.ndarray
     carried: np.ndarray
@@ -387,9 +390,9 @@ class Correction:
     @classmethod
     def none(cls, plant: Plant, runs: Runs) -> Correction:
         """Free runs."""
-        outputs, windows = len(plant.outputs), runs.begin.size
+        none, windows = np.empty(0, dtype=np.int64), runs.begin.size
         return cls(
-            np.empty((0, outputs)), np.empty((0, 0, outputs)), np.empty((0, 4)), np.empty((0, 0)),
+            np.empty((0, len(plant.outputs))), np.empty((0, 0, 0)), none, none, np.empty((0, 4)), np.empty((0, 0)),
             np.zeros(windows, dtype=bool), np.zeros(len(plant.family.states), dtype=bool),
         )  # fmt: skip
 

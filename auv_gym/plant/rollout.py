@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from auv_gym.compiled import OPEN, bind, namespace, ready, view_as
+from auv_gym.compiled import OPEN, bind, compiled, namespace, ready, view_as
 from auv_gym.param import list_paths
 from auv_gym.physics.actuators import lag_progress, travel
 from auv_gym.physics.pushes import fade, misread, shove
@@ -192,9 +192,17 @@ def drive(times, inputs, first, begin, stop, x, shaped, positions, p, work):
             interval(x, inputs[k], shaped, times, first[k], k, times[k], times[k + 1], 0.0, p, work)
 
 
+@compiled
+def corrected_by(number, gains, row, j, error):
+    """The number of a row's j-th state, moved by its gains, (rows, N, C), times errors."""
+    for c in range(error.shape[0]):
+        number += gains[row, j, c] * error[c]
+    return number
+
+
 def along(
     derived, starts, begin, stop, carried, constant, times, inputs, first, references, longest_step,
-    stride, shares, shaped, positions, measured, gains, kicks, decays, y, after,
+    stride, shares, shaped, positions, measured, gains, moved, told, kicks, decays, y, after,
 ):  # fmt: skip
     """Outputs of a vehicle over windows of a record into y, (rows, OUTPUTS); its actuators are where `drive` has them.
 
@@ -208,7 +216,7 @@ def along(
     x = np.empty(STATES + 2 * ACTUATORS + SENSORS)
     sensors = x[STATES + 2 * ACTUATORS :]
     push = np.empty(pushed)
-    error, out = np.empty(OUTPUTS), np.empty(OUTPUTS)
+    error, out = np.empty(told.shape[0]), np.empty(OUTPUTS)
     corrected, single = gains.shape[0] > 0, stride == 1
     charted = ATTITUDE >= 0 and SENSED >= 0 and references.shape[0] > 0  # rows are then of one sample
     attitude = x[ATTITUDE : ATTITUDE + 3]  # Euler angles, but while something is added to them in the row's chart
@@ -252,17 +260,17 @@ def along(
                     misread(y[row], push, kicks)
                     fade(push, decays[row], kicks, times[min(last, n - 1)] - times[k])
                 if corrected and (single or m == last):
-                    for c in range(OUTPUTS):
-                        reading = measured[row, c]
-                        error[c] = reading - y[row, c] if np.isfinite(reading) else 0.0
-                    for c in range(OUTPUTS):
-                        if error[c] != 0.0:
-                            for i in range(STATES):
-                                x[i] += gains[row, i, c] * error[c]
-                            for i in range(SENSORS):
-                                sensors[i] += gains[row, STATES + i, c] * error[c]
-                            for j in range(pushed):
-                                push[j] += gains[row, size + j, c] * error[c]
+                    for c in range(told.shape[0]):
+                        reading = measured[row, told[c]]
+                        error[c] = reading - y[row, told[c]] if np.isfinite(reading) else 0.0
+                    for j in range(moved.shape[0]):
+                        i = moved[j]
+                        if i < STATES:
+                            x[i] = corrected_by(x[i], gains, row, j, error)
+                        elif i < size:
+                            sensors[i - STATES] = corrected_by(sensors[i - STATES], gains, row, j, error)
+                        else:
+                            push[i - size] = corrected_by(push[i - size], gains, row, j, error)
                 if m + 1 < last or (m < last and goes_on):
                     duration = times[m + 1] - times[m]
                     shove(x, push, kicks, 1, duration)
@@ -290,7 +298,7 @@ def along(
 
 def rollout(
     vectors, starts, begin, stop, carried, constant, times, inputs, first, references, longest_step,
-    stride, shares, measured, gains, kicks, decays, earlier, until, y, after,
+    stride, shares, measured, gains, moved, told, kicks, decays, earlier, until, y, after,
 ):  # fmt: skip
     """Outputs of runs over windows of a record, for several parameter vectors, into y; free, or corrected at every row.
 
@@ -303,7 +311,8 @@ def rollout(
     carried: (W,), whether the `constant` states (STATES,) go on from the window before.
     stride: samples of a row, of which windows are whole multiples.  Outputs of a row of several are the sums of theirs
     by `shares`, (n, OUTPUTS); it is corrected at its end, where the next row begins.
-    measured: (rows, OUTPUTS), NaN where nothing is.  gains: (rows, F, OUTPUTS), or none of them for free runs.
+    measured: (rows, OUTPUTS), NaN where nothing is.  gains: (rows, N, C), or none of them for free runs, of the `moved`
+    states, (N,), and of the outputs that `told` counts, (C,).
     kicks: (D, 4), where accelerations act, or errors of readings that last; see `auv_gym.physics.pushes`.
     decays: (rows, D), of these to the next row.
     earlier: (S, E, n_parameters), by which actuators have moved in rows up to `until`, (E,), one after the other.
@@ -316,8 +325,8 @@ def rollout(
         move_actuators(earlier[s], vectors[s], until, times, inputs, first, derived, shaped, positions)
         along(
             derived, starts[min(s, starts.shape[0] - 1)], begin, stop, carried, constant, times, inputs, first,
-            references, longest_step, stride, shares, shaped, positions, measured, gains, kicks, decays,
-            y[s], after[s] if after.shape[0] > 0 else none,
+            references, longest_step, stride, shares, shaped, positions, measured, gains, moved,
+            told, kicks, decays, y[s], after[s] if after.shape[0] > 0 else none,
         )  # fmt: skip
 
 

@@ -62,7 +62,7 @@ def filtered(
     derive(vectors[0], derived)
     state, tried, moved_on = np.zeros(whole), np.empty((many, whole)), np.empty((many, whole))
     seen, none, unread = np.empty((many, OUTPUTS)), np.empty((0, whole)), np.empty((0, OUTPUTS))
-    free, held = np.empty((0, whole, OUTPUTS)), np.ones((many, pushes))
+    free, nothing, held = np.empty((0, 0, 0)), np.empty(0, np.int64), np.ones((many, pushes))
     one, other, anew = np.empty(many, np.int64), np.empty(many, np.int64), np.zeros(many, np.bool_)
     root, wide, mean = np.zeros((total, total)), np.zeros((total + pushes, total)), np.zeros(total)
     error, column, gain, room = np.zeros(count), np.zeros(total), np.zeros(total), np.zeros(total)
@@ -92,7 +92,8 @@ def filtered(
             nudge(state, moved, probes, tried)
             along(
                 derived, tried, one, other, anew, constant, times, inputs, first, references, longest_step, stride,
-                shares, shaped, positions, unread, free, kicks, held, seen, none if stride == 1 else moved_on,
+                shares, shaped, positions, unread, free, nothing, nothing, kicks, held, seen,
+                none if stride == 1 else moved_on,
             )  # fmt: skip
             for m in range(count):
                 error[m] = measured[row, m] - seen[0, columns[m]] if finite[row, m] else 0.0
@@ -115,7 +116,7 @@ def filtered(
                 nudge(state, moved, probes, tried)
                 along(
                     derived, tried, one, other, anew, constant, times, inputs, first, references, longest_step, stride,
-                    shares, shaped, positions, unread, free, kicks, held, seen, moved_on,
+                    shares, shaped, positions, unread, free, nothing, nothing, kicks, held, seen, moved_on,
                 )  # fmt: skip
                 mean[:] = 0.0
             for i in range(whole):

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from auv_gym.plant import Correction
 from identification.deciding import COST, LEAST_PROCESS
 from identification.fit.adjoint import slopes_of
 from identification.fit.driven import driven_slopes
@@ -40,7 +41,7 @@ class Point:
 
     vector: (n_parameters,).  logs: (C + 2 D,), logarithms of the noises.  errors: (rows, C), one-step errors over their
     deviations.  scores: (rows,), log-likelihood of each row.  path: (rows, F), filtered states; of
-    averaged rows those before their readings.
+    averaged rows those before their readings.  gains: (rows, N, C), of the live states and accelerations.
     starts: (W, F), the likeliest states where stretches begin; roots: (W, n, n), how far the filter lets them be off.
     """
 
@@ -192,7 +193,7 @@ class Filter(Linearised):
             starts = better if anew else np.where(self._held_first[:, None], better, starts)
             system = replace(system, start=roots, origin=self._origin(system.path, starts))
             made = run_filter(system, *self._numbers(logs))
-        found = self._followed(vector, logs, starts, self._whole(made.gains), made.whiten, system)
+        found = self._followed(vector, logs, starts, made.gains, made.whiten, system)
         if not (np.isfinite(found.path).all() and np.isfinite(found.scores).all()):
             return self._nowhere(vector, logs), 0.0
         there = self.descended(found, ())
@@ -203,7 +204,7 @@ class Filter(Linearised):
 
     def _nowhere(self, vector: np.ndarray, logs: np.ndarray) -> Point:
         """What is left of a filter that runs away: as unlikely as can be."""
-        (rows, count), size = self.finite.shape, self._size + len(self.pushed)
+        (rows, count), size = self.finite.shape, len(self._moving)
         none, unlikely = np.zeros((rows, count)), np.full(rows, -np.inf)
         gains, whiten = np.zeros((rows, size, count)), np.zeros((rows, count, count))
         first = (self.first_path, gains, whiten, none, self.starts, self._widest)
@@ -227,16 +228,11 @@ class Filter(Linearised):
         for w in np.flatnonzero(self.carried):
             first[w, : len(self._shared)][self._shared] = before[self.offsets[w], : len(self._shared)][self._shared]
         before[self.offsets] = first
-        path = before if self.stride > 1 else before + np.einsum("rfc,rc->rf", gains, innovations)
+        if self.stride == 1:
+            before[:, self._moving] += np.einsum("rnc,rc->rn", gains, innovations)
         with np.errstate(over="ignore", invalid="ignore"):
             errors, scores = self._scored(whiten, innovations)
-        return Point(vector, logs, errors, scores, path, gains, whiten, innovations, starts, system.start, system)
-
-    def _whole(self, gains: np.ndarray) -> np.ndarray:
-        """Gains of the live states and the accelerations as those of all, (rows, F, C)."""
-        whole = np.zeros((len(self.rows), self._size + len(self.pushed), gains.shape[2]))
-        whole[:, self._moving] = gains
-        return whole
+        return Point(vector, logs, errors, scores, before, gains, whiten, innovations, starts, system.start, system)
 
     def _follow(
         self,
@@ -252,23 +248,19 @@ class Filter(Linearised):
         decays = np.exp(-self.durations[:, None] / times) if len(times) else np.ones((len(self.rows), 0))
         if self.stride > 1 and system is not None:
             gains = self._late(gains, decays, system.moves)
-        whole = len(self.columns) == len(self.plant.outputs)  # channels are in the order of outputs
-        if not whole:
-            every = np.zeros((*gains.shape[:2], len(self.plant.outputs)))
-            every[:, :, self.columns] = gains
-            gains = every
         starts = starts if starts.ndim == 3 else starts[None]
         self.work.add(len(vectors) * self.runs.rows * self.stride)
-        y, after = self.plant.follow_many(self.runs, vectors, starts, self._free(gains, decays, False), keep)
-        return y if whole else y[:, :, self.columns], after
+        corrected = (self.every, gains, self._moving, self.columns)
+        correction = Correction(*corrected, self.kicks, decays, self.carried, self._shared)
+        y, after = self.plant.follow_many(self.runs, vectors, starts, correction, keep)
+        every = len(self.columns) == len(self.plant.outputs)  # channels are in the order of outputs
+        return y if every else y[:, :, self.columns], after
 
     def _late(self, gains: np.ndarray, decays: np.ndarray, moves: np.ndarray | None) -> np.ndarray:
-        """Gains that correct at the end of a row what those of the filter correct where it begins, (rows, F, C)."""
+        """Gains that correct at the end of a row what those of the filter correct where it begins, (rows, N, C)."""
         assert moves is not None
-        late = np.zeros_like(gains)
-        late[:, self.live] = moves @ gains[:, self._moving]
-        late[:, self._size :] = self._turned(decays[:, :, None] * gains[:, self._size :])
-        return late
+        pushes = self._turned(decays[:, :, None] * gains[:, len(self.live) :])
+        return np.concatenate([moves @ gains, pushes], axis=1)
 
     def _turned(self, pushes: np.ndarray) -> np.ndarray:
         """What turns of a swell make of accelerations in a row, (rows, D, C), when the next one begins."""
@@ -480,7 +472,7 @@ class Filter(Linearised):
         if self.carried.any():
             return self._run_starts(point)
         assert point.system is not None
-        numbers = (point.gains[:, self._moving], point.whiten, self._numbers(point.logs)[2])
+        numbers = (point.gains, point.whiten, self._numbers(point.logs)[2])
         return self._by_start(start_slopes(point.system, *numbers))
 
     def _by_start(self, columns: np.ndarray) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
@@ -567,7 +559,7 @@ class Filter(Linearised):
     def slopes_by(self, point: Point, responses: Responses) -> np.ndarray:
         """Slopes of the predictions by what has these responses, (P, rows, C), of a point with a system."""
         assert point.system is not None
-        numbers = (point.gains[:, self._moving], point.whiten, self._numbers(point.logs)[2])
+        numbers = (point.gains, point.whiten, self._numbers(point.logs)[2])
         return driven_slopes(point.system, *numbers, responses)
 
     def descended(self, here: Point, paths: Sequence[str], iterations: int = _DESCENTS, exact: bool = False) -> Point:

@@ -142,14 +142,12 @@ class Linearised(Stretches):
     def _responses(self, vector: np.ndarray, path: np.ndarray, paths: Sequence[str]) -> Responses:
         """How outputs and the next row's states move with paths, from the states of a path, (rows, F), one row on."""
         vectors, steps = self._moved(vector, moves_of(paths))
-        none = np.empty((0, path.shape[1], len(self.plant.outputs)))
-        correction = self._free(none, np.ones((len(self.rows), len(self.kicks))), True)
         onward = np.empty((len(self.rows), len(self.live), len(steps)))
         seen = np.empty((len(self.rows), len(self.columns), len(steps)))
         for some in at_once(len(steps), self.every.size, beside=1):
             own = np.concatenate([vector[None], vectors[some]])
             self.work.add(len(own) * len(self.rows) * self.stride)
-            y, after = self.plant.follow_many(self._by_row, own, path[None], correction, True)
+            y, after = self.plant.follow_many(self._by_row, own, path[None], self._one_by_one(), True)
             with np.errstate(over="ignore", invalid="ignore"):  # of one that runs away
                 for j, step in enumerate(steps[some], start=1):
                     onward[:, :, some.start + j - 1] = (after[j] - after[0])[:, self.live] / step

@@ -81,8 +81,7 @@ class Noises(Filter):
         """The plant's values with noises, by default those to begin with; gains are of the path where all begins."""
         logs = self.first_noise() if logs is None else logs
         made = run_filter(self._first_system, *self._numbers(logs))
-        gains = self._whole(made.gains)
-        return self._followed(self.plant.vector, logs, self.starts, gains, made.whiten, self._first_system)
+        return self._followed(self.plant.vector, logs, self.starts, made.gains, made.whiten, self._first_system)
 
     def follows(self, logs: np.ndarray) -> bool:
         """Whether the filter of the plant with these noises is as likely as the one linearised along the readings."""
@@ -283,8 +282,7 @@ class Noises(Filter):
         """A point with other noises, linearised about the same path."""
         assert point.system is not None
         made = run_filter(point.system, *self._numbers(logs))
-        gains = self._whole(made.gains)
-        return self._followed(point.vector, logs, point.starts, gains, made.whiten, point.system)
+        return self._followed(point.vector, logs, point.starts, made.gains, made.whiten, point.system)
 
     def pushing(self, point: Point) -> list[int]:
         """Which of a point's noises are strengths and correlation times of accelerations that are there."""

@@ -320,10 +320,11 @@ class Stretches(Parameters):
         """How many values are counted."""
         return int((self.finite * self.counted[:, None]).sum())
 
-    def _free(self, gains: np.ndarray, decays: np.ndarray, rows: bool) -> Correction:
-        count = len(self.rows) if rows else len(self.stretches)
-        carried = np.zeros(count, dtype=bool) if rows else self.carried
-        return Correction(self.every, gains, self.kicks, decays, carried, self._shared)
+    def _one_by_one(self) -> Correction:
+        """Runs of each row alone, which nothing corrects, and in which accelerations stay as they are."""
+        rows, nothing = len(self.rows), np.empty(0, dtype=np.int64)
+        corrected = (self.every, np.empty((0, 0, 0)), nothing, nothing)
+        return Correction(*corrected, self.kicks, np.ones((rows, len(self.kicks))), np.zeros(rows, bool), self._shared)
 
     def _slopes(self, vector: np.ndarray, path: np.ndarray, live: np.ndarray, moved: np.ndarray | None = None):
         """Slopes of the next row's live states (rows, n, m) and of the channels (rows, C, m), outputs and next states.
@@ -336,11 +337,9 @@ class Stretches(Parameters):
         starts = np.repeat(path[None], len(moved) + 1, axis=0)
         for j, (i, probe) in enumerate(zip(moved, probes, strict=True), start=1):
             starts[j, :, i] += probe
-        none = np.empty((0, path.shape[1], len(self.plant.outputs)))
-        decays = np.ones((len(self.rows), len(self.kicks)))
         vectors = np.repeat(vector[None], len(starts), axis=0)
         self.work.add(len(vectors) * len(self.rows) * self.stride)
-        y, after = self.plant.follow_many(self._by_row, vectors, starts, self._free(none, decays, True), True)
+        y, after = self.plant.follow_many(self._by_row, vectors, starts, self._one_by_one(), True)
         with np.errstate(over="ignore", invalid="ignore"):  # of one that runs away
             a = ((after[1:] - after[0])[:, :, live] / probes[:, None, None]).transpose(1, 2, 0)
             c = ((y[1:] - y[0])[:, :, self.columns] / probes[:, None, None]).transpose(1, 2, 0)

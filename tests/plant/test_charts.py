@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -75,13 +76,12 @@ def corrected(plant: Plant, record: Record) -> tuple[np.ndarray, np.ndarray]:
     windows = record.segments
     runs, rows = Runs.over(plant, record, windows, chart), len(record)
     measured = np.full((rows, len(plant.outputs)), np.nan)
-    measured[:, [plant.outputs.index(name) for name in ANGLES]] = 0.0
-    gains = np.zeros((rows, size, len(plant.outputs)))
-    back = level_axes(chart, np.arange(rows)).inv().as_matrix()
-    for k, name in enumerate(ANGLES):
-        gains[:, HELD, plant.outputs.index(name)] = back[:, :, k]
+    told = np.array([plant.outputs.index(name) for name in ANGLES])
+    measured[:, told] = 0.0
+    back = np.ascontiguousarray(level_axes(chart, np.arange(rows)).inv().as_matrix())
+    held = {"gains": back, "moved": np.arange(size)[HELD], "told": told}
     free = Correction.none(plant, runs)
-    correction = Correction(measured, gains, free.kicks, np.empty((rows, 0)), free.carried, free.constant)
+    correction = replace(free, measured=measured, decays=np.empty((rows, 0)), **held)
     starts = np.zeros((1, 1, size))
     starts[0, 0, HELD] = 0.05, -0.02, 0.03
     y, after = plant.follow_many(runs, plant.vector[None], starts, correction, True)
@@ -112,8 +112,7 @@ def test_a_push_of_an_attitude_is_a_turn_about_its_axes(tumbled):
     runs = Runs.over(PLANT, tumbled, tumbled.segments, chart)
     kicks = np.array([[AT + 2.0, 0.0, 1.0, 0.0]])
     free = Correction.none(PLANT, runs)
-    none = np.empty((0, size + 1, len(PLANT.outputs)))
-    correction = Correction(free.measured, none, kicks, np.ones((len(tumbled), 1)), free.carried, free.constant)
+    correction = replace(free, kicks=kicks, decays=np.ones((len(tumbled), 1)))
     starts = np.zeros((2, 1, size + 1))
     starts[1, 0, size] = 0.03  # rad/s
     _, after = PLANT.follow_many(runs, np.repeat(PLANT.vector[None], 2, axis=0), starts, correction, True)

@@ -158,8 +158,7 @@ def test_a_filter_of_means_says_the_same_as_surely(pushed):
 def test_gains_at_the_end_of_a_row_are_those_of_the_filter(pushed):
     """The vehicle corrected so moves with its starts as the linear filter does, pushes and all."""
     problem, point = solved(pushed, 5)
-    own = np.r_[problem.live, problem._size + np.arange(len(problem.pushed))]
-    linear = start_slopes(point.system, point.gains[:, own], point.whiten, np.exp(point.logs[-len(problem.pushed) :]))
+    linear = start_slopes(point.system, point.gains, point.whiten, np.exp(point.logs[-len(problem.pushed) :]))
     run, owners = problem._run_starts(point)
     for column, (_, state) in zip(run, owners, strict=True):
         expected = linear[list(problem.live).index(state)].ravel()

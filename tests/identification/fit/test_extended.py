@@ -76,7 +76,7 @@ def filtered(problem: PredictionErrors, vector: np.ndarray, logs: np.ndarray) ->
     numbers = problem._numbers(logs)
     system = problem._followed_system(vector, numbers, problem.starts, problem._widest)
     made = run_filter(system, *numbers)
-    run = problem._followed(vector, logs, problem.starts, problem._whole(made.gains), made.whiten, system)
+    run = problem._followed(vector, logs, problem.starts, made.gains, made.whiten, system)
     return made.scores, run.scores
 
 

@@ -203,7 +203,7 @@ def test_accelerations_that_a_filter_does_without_are_brought_back(pushed):
     logs, first = problem.first_noise(), len(problem.channels)
     logs[first : first + len(problem.pushed)] = np.log(LEAST_PROCESS * np.array(problem.unit))
     point = problem.point(GLIDER.vector, logs)
-    assert np.all(point.gains[:, problem._size :] == 0.0)
+    assert np.all(point.gains[:, len(problem.live) :] == 0.0)
     assert problem._there(problem.better_noise(point, NOISE_STEPS)[0]).any()
 
 
