@@ -12,7 +12,9 @@ from identification.fit.filtering import Point
 from identification.fit.parameters import STEP, kinked
 from identification.fit.prediction_errors import PredictionErrors
 
-MOST_LOST = 0.25  # of any parameter's variance: standard errors grow by an eighth at most
+# of a fitted parameter's variance, whose standard error grows by an eighth at most, and of that of an effect that is
+# sought, by less than a quarter: one that is just seen must then be so much larger, and a search takes half the time
+MOST_LOST, MOST_OF_EFFECTS = 0.25, 0.5
 # the same for an effect whose probe, the least change that is worth finding, is so many standard errors: evidence of
 # a hundred, five times the bar of a hundred candidates
 _MOST_OF_PLAIN, _PLAIN = 1.0, 10.0
@@ -38,7 +40,8 @@ def stride_for(
     doubt: float = np.inf,
     process: bool = True,
 ) -> int:
-    """The most samples to a row at which no parameter's variance grows by more than `MOST_LOST`.
+    """The most samples to a row at which no parameter's variance grows by more than `MOST_LOST`, or an effect's by
+    `MOST_OF_EFFECTS`.
 
     By more only where a record is so long that it shows an effect all the same, or of more rows than `MOST_ROWS`, which
     no fit would come to the end of.
@@ -78,8 +81,9 @@ def stride_for(
             return False
         lost = (_variances(problem, there, fitted, others) - told) * (stride - 1) / (stride - _REFERENCE)
         plain = (told + lost) * judged / samples < (1.0 / _PLAIN) ** 2
-        plain[: len(fitted)] = False
-        return bool(np.all(lost <= np.where(plain, _MOST_OF_PLAIN, MOST_LOST) * told))
+        most = np.where(plain, _MOST_OF_PLAIN, MOST_OF_EFFECTS)
+        most[: len(fitted)] = MOST_LOST
+        return bool(np.all(lost <= most * told))
 
     return _longest(sorted(tried), loses_little, least)
 

@@ -222,10 +222,14 @@ def test_an_effect_that_shows_plainly_may_lose_more(monkeypatch):
     record, delay = dense_log(9, 9000), ("effects.rudder.dead_time",)
     monkeypatch.setattr(strides, "LEAST_ROWS", 300)
     monkeypatch.setattr(strides, "MOST_LOST", 0.01)
+    monkeypatch.setattr(strides, "MOST_OF_EFFECTS", 0.02)
     monkeypatch.setattr(strides, "_PLAIN", 1e-9)
     plain = stride_for(GLIDER, record, whole(record), (), delay)
     monkeypatch.setattr(strides, "_PLAIN", np.inf)
-    assert stride_for(GLIDER, record, whole(record), (), delay) < plain
+    sought = stride_for(GLIDER, record, whole(record), (), delay)
+    assert stride_for(GLIDER, record, whole(record), delay) <= sought < plain
+    monkeypatch.setattr(strides, "MOST_OF_EFFECTS", 0.5)
+    assert stride_for(GLIDER, record, whole(record), (), delay) > sought
 
 
 def test_short_records_and_short_windows_are_read_sample_by_sample():
