@@ -21,16 +21,19 @@ from identification.diagnosis.search.workbench import State, Workbench
 _Added = tuple[Sequence[int], Sequence[int], float]  # as `Stretches.with_noises` takes them
 
 
-def with_further_noises(bench: Workbench, states: Sequence[State]) -> tuple[Workbench, list[State]]:
+def with_further_noises(
+    bench: Workbench, states: Sequence[State], waves_alone: bool = False
+) -> tuple[Workbench, list[State]]:
     """A bench with the noises that make the first of some states likelier, one kind at a time, and all of them on it.
 
     Where errors have a period, a swell that pushes two velocities or more, or that sensors misread; where those of a
     channel are coloured, errors of its readings that last.  The same bench, and the states as they are, where none is
     likelier, and for a vehicle of one velocity: nothing tells there an error that lasts from what moves the vehicle.
     A swell's period is one parameter more, and costs as much as an acceleration does.
+    waves_alone: a swell that pushes, and no errors of sensors.
     """
     found = list(states)
-    while len(bench.problem.velocities) >= LEAST_OF_SWELL and (kinds := _kinds(bench, found[0])):
+    while len(bench.problem.velocities) >= LEAST_OF_SWELL and (kinds := _kinds(bench, found[0], waves_alone)):
         likeliest, most = None, 0.0
         for kind, other in zip(kinds, side_by_side(partial(_pruned, bench, found[0]), kinds), strict=True):
             gain = 0.0 if other is None else _gain(bench, found[0], *other) - COST * (kind[2] > 0.0)
@@ -43,12 +46,14 @@ def with_further_noises(bench: Workbench, states: Sequence[State]) -> tuple[Work
     return bench, found
 
 
-def _kinds(bench: Workbench, state: State) -> list[_Added]:
+def _kinds(bench: Workbench, state: State, waves_alone: bool) -> list[_Added]:
     """The noises that the errors of a state may be due to."""
     problem, kinds = bench.problem, list[_Added]()
     coloured = [problem.channels.index(name) for name in coloured_channels(bench, state)]
     if np.unique(problem.periods).size <= MOST_SWELLS and (period := period_of_swell(problem, state.point)):
         kinds += [(problem.velocities, (), period), *([((), coloured, period)] if coloured else [])]
+    if waves_alone:
+        return kinds[:1]
     known = {problem.pushed[d] for d in np.flatnonzero(problem.misread & ~problem.swells)}
     lasting = [c for c in coloured if problem.channels[c] not in known]
     return [*kinds, ((), lasting, 0.0)] if lasting else kinds

@@ -51,8 +51,15 @@ class Known:
 
         Of a state with the effects that a search has found: what these do is no noise.
         """
+        return self._noisier(state, waves_alone=False)
+
+    def with_waves(self) -> Known:
+        """The same fits with waves that the errors show before any search, else these."""
+        return self._noisier(self.nominal, waves_alone=True)[0]
+
+    def _noisier(self, state: State, waves_alone: bool) -> tuple[Known, State]:
         states = list(dict.fromkeys([state, self.given, self.nominal]))  # any two may be one
-        bench, found = with_further_noises(self.bench, states)
+        bench, found = with_further_noises(self.bench, states, waves_alone)
         if bench is self.bench:
             return self, state
         there = dict(zip(states, found, strict=True))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from identification.deciding import FEW_STATES, TIMED
+from identification.deciding import FEW_STATES, LEAST_OF_SWELL, TIMED
 from identification.diagnosis.log.checking import CheckedLog
 from identification.diagnosis.log.kinematics import Kinematics, kinematic_findings
 from identification.diagnosis.search.attribution import Round, attribute, confirmed, settled
@@ -57,7 +57,28 @@ class _Chosen:
         return tuple(p for made in self.rounds if made.chosen is not None for p in made.chosen.candidate.paths)
 
 
-def search_effects(log: CheckedLog, known: Known, progress: Progress, sought: Collection[str] = ()) -> Searched:
+def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searched:
+    """What a search finds, beside waves from the beginning where the errors show any before it.
+
+    Else it would be repeated beside them.  Unless they come to nothing beside what was found: an effect that makes the
+    vehicle swing has looked like waves then.
+    """
+    if not log.slipped:
+        progress(0.04, "looking for waves")
+        noisier = known.with_waves()
+        found = known if noisier is known else _sought(log, noisier, progress)
+        if isinstance(found, Searched) and _waves_in(found):
+            return found
+    return _sought(log, known, progress)
+
+
+def _waves_in(found: Searched) -> bool:
+    """Whether waves push the vehicle in the state that was found."""
+    noise = found.known.bench.problem.noise_at(found.state.point)
+    return any(len(pushed) >= LEAST_OF_SWELL for pushed in noise.swell.values())
+
+
+def _sought(log: CheckedLog, known: Known, progress: Progress, sought: Collection[str] = ()) -> Searched:
     """Forward selection, what it chose confirmed, and second thoughts where something is left.
 
     Where the steps of integration turn out to be too long for what was found, all is repeated in shorter ones: an
@@ -77,7 +98,7 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress, sought: Co
             continue
         if chosen.noisier is not None:
             noisier, beside = chosen.noisier
-            again = search_effects(log, noisier, progress, chosen.paths)
+            again = _sought(log, noisier, progress, chosen.paths)
             if not noisier.led_astray(beside, again.known, again.state, len(again.candidates)):
                 return again
         found = _reconsidered(log, chosen, progress)

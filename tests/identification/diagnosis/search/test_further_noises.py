@@ -133,6 +133,18 @@ def test_errors_that_merely_fade_have_no_peak(peak, found):
     assert period == (pytest.approx(PERIOD, rel=0.05) if found else None)
 
 
+def test_waves_alone_are_looked_for_before_a_search(pushed, monkeypatch):
+    """Errors that have a colour may be due to what is missing."""
+    bench, state = pushed
+    monkeypatch.setattr(further_noises, "coloured_channels", lambda *_: bench.problem.channels)
+    other, (found,) = with_further_noises(bench, [state], waves_alone=True)
+    noise = other.problem.noise_at(found.point)
+    assert noise.swell
+    assert not noise.lasting
+    monkeypatch.setattr(further_noises, "period_of_swell", lambda *_: None)
+    assert with_further_noises(bench, [state], waves_alone=True) == (bench, [state])
+
+
 def test_one_that_brings_less_than_it_costs_is_not_taken(pushed, monkeypatch):
     bench, state = pushed
     monkeypatch.setattr(further_noises, "coloured_channels", lambda *_: ())  # the swell alone

@@ -22,6 +22,7 @@ from identification.diagnosis.search.trials import FAR_LESS
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.experiments.heading_control import closed_loop
 from identification.experiments.missions import run_mission
+from identification.fit.noises import Noise
 from identification.fit.steps import in_steps
 
 
@@ -161,6 +162,29 @@ def test_further_noises_are_looked_for_also_where_there_was_no_time_for_a_furthe
     assert asked == [known]
     assert found.known is other
     assert [made.chosen is None for made in found.rounds] == [False]
+
+
+@pytest.mark.parametrize("swell, kept", [({}, False), ({6.0: ["w_mps"]}, False), ({6.0: ["v_mps", "w_mps"]}, True)])
+def test_waves_that_show_before_a_search_are_there_throughout_unless_it_explains_them(
+    turning, monkeypatch, swell, kept
+):
+    """One search beside them then, and none without; what makes a vehicle swing may look like waves at first."""
+    (log, known), searched = turning, []
+    other = replace(known)
+
+    def selecting(bench, *arguments):
+        searched.append(bench)
+        return attribute(bench, *arguments)
+
+    def noise_at(point):
+        return Noise({}, {}, {period: dict.fromkeys(pushed, (0.1, 10.0)) for period, pushed in swell.items()})
+
+    monkeypatch.setattr(Known, "with_waves", lambda self: other)
+    monkeypatch.setattr(searching, "attribute", selecting)
+    monkeypatch.setattr(known.bench.problem, "noise_at", noise_at)
+    found = search_effects(log, known, lambda fraction, text: None)
+    assert found.known is (other if kept else known)
+    assert len(searched) == (1 if kept else 2)
 
 
 def test_free_runs_are_nearer_with_what_is_there(turning, monkeypatch):
