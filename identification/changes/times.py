@@ -14,7 +14,7 @@ from identification.deciding import BLOCKS, MISSED
 from identification.diagnosis.search.candidates import Candidate, screen
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.changing import ChangingPlant, change, changed
-from identification.fit.filtering import Point
+from identification.fit.followed import Point
 from identification.fit.prediction_errors import PredictionErrors
 
 _SCANNED = 12  # rows of a profile at first, in the time between two that were screened

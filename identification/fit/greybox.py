@@ -12,10 +12,11 @@ from auv_gym.plant import Plant
 from auv_gym.plant.record_check import check_ranges
 from auv_gym.records.record import Record, concat
 from identification.estimate import Estimate
-from identification.fit.filtering import NOTHING, Point
+from identification.fit.followed import Point
 from identification.fit.intervals import information_of, interval_of
 from identification.fit.noises import Noise
 from identification.fit.prediction_errors import PredictionErrors
+from identification.fit.sensitivities import NOTHING
 from identification.fit.steps import brisk, suited
 from identification.fit.strides import stride_for
 from identification.fit.validation import fitted_runs

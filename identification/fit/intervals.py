@@ -10,9 +10,10 @@ import numpy as np
 
 from auv_gym.threads import side_by_side
 from identification.estimate import half_width
-from identification.fit.filtering import NOTHING, Point
+from identification.fit.followed import Point
 from identification.fit.parameters import kinked
 from identification.fit.prediction_errors import PredictionErrors
+from identification.fit.sensitivities import NOTHING
 
 # of the square of slopes, below which what starts leave of them is rounding: along eight frozen logs of seven vehicles
 # central differences leave at most some 1e-12 of what starts imitate, and of the rest 4e-9 or more; a log of Tethys has

@@ -12,7 +12,8 @@ import numpy as np
 from auv_gym.threads import side_by_side
 from identification.deciding import COST, LEAST_PROCESS
 from identification.fit.adjoint import slopes_of
-from identification.fit.filtering import Filter, Point
+from identification.fit.filtering import Filter
+from identification.fit.followed import Point
 from identification.fit.kalman import Pass, System, run_filter
 from identification.fit.work import FILTERED
 

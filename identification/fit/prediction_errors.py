@@ -4,7 +4,8 @@ Free runs blame the sensors for all that a model does not explain.  Waves, gusts
 controller steers against them, so that a fit of free runs in closed loop is biased.  Here accelerations of unknown
 strength and correlation time push it; where these come to nothing, the filter is a free run, the fit output error.
 Sources: Ljung 1999, ch. 7; Harvey 1989, ch. 3; Forssell and Ljung 1999, Automatica 35, pages 1215-1241.
-The parts: what a record tells (`stretches.py`), the filter (`filtering.py`), noises (`noises.py`); the fit is here.
+The parts: what a record tells (`stretches.py`), a vehicle that follows it (`followed.py`), its `sensitivities.py`, the
+filter (`filtering.py`) and `noises.py`; the fit is here.
 """
 
 from __future__ import annotations
@@ -16,9 +17,10 @@ import numpy as np
 
 from auv_gym.plant import Plant
 from auv_gym.threads import side_by_side
-from identification.fit.filtering import LEAST_GAIN, Point
+from identification.fit.followed import Point
 from identification.fit.noises import FAR, Noise, Noises
 from identification.fit.online import FilterPlan
+from identification.fit.sensitivities import LEAST_GAIN
 
 _QUIETER = 30.0  # times weaker accelerations, with which a fit is tried too
 _HALVINGS, _SHORTER = 6, 0.4  # of a step that is not confirmed, and by how much

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.fit.filtering import Point
+from identification.fit.followed import Point
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.residual import noise_floors
 from identification.fit.shooting import Shooting

@@ -8,7 +8,7 @@ import numpy as np
 
 from auv_gym.plant import Chart, Plant
 from auv_gym.records.record import Record
-from identification.fit.filtering import Point
+from identification.fit.followed import Point
 from identification.fit.parameters import STEP, kinked
 from identification.fit.prediction_errors import PredictionErrors
 

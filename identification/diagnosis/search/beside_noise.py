@@ -15,7 +15,7 @@ import numpy as np
 from scipy import stats
 
 from identification.diagnosis.search.candidates import Regression
-from identification.fit.filtering import Point
+from identification.fit.followed import Point
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.responses import Responses
 

@@ -14,7 +14,7 @@ from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.deciding import ALIKE, MANY, ONLY_STARTS, SEEN
 from identification.fit.changing import ChangingPlant, change, changed, named_when
-from identification.fit.filtering import Point
+from identification.fit.followed import Point
 from identification.fit.parameters import STEP, kinked
 from identification.fit.prediction_errors import PredictionErrors
 

@@ -18,7 +18,7 @@ from identification.diagnosis.search.beside_noise import Weight, freedom_of
 from identification.diagnosis.search.candidates import Candidate, Screening, screen
 from identification.diagnosis.search.workbench import ITERATIONS, TRIAL_GAIN, State, Workbench
 from identification.fit.changing import ChangingPlant, Course, change, changed
-from identification.fit.filtering import Point
+from identification.fit.followed import Point
 from identification.fit.parameters import moves_of
 from identification.fit.prediction_errors import PredictionErrors
 

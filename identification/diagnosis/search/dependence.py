@@ -15,7 +15,7 @@ from identification.diagnosis.search.beside_noise import weigh
 from identification.diagnosis.search.candidates import Regression
 from identification.diagnosis.search.multiplicity import level_of_each, summed_up
 from identification.diagnosis.search.workbench import State, Workbench
-from identification.fit.filtering import Point
+from identification.fit.followed import Point
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.responses import together
 

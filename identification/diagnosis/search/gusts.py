@@ -6,7 +6,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from identification.deciding import GUST_PARTS, LEFT
-from identification.fit.filtering import Point
+from identification.fit.followed import Point
 from identification.fit.prediction_errors import PredictionErrors
 
 _SMALL_STEP = 0.05  # of the logarithm of a strength, for its information

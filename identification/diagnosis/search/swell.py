@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import f as fisher
 
 from identification.deciding import FALSE_ALARM, LONGEST_SWELL
-from identification.fit.filtering import Point
+from identification.fit.followed import Point
 from identification.fit.prediction_errors import PredictionErrors
 
 _ROWS = 4  # the shortest period that is sought

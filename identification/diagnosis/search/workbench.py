@@ -18,9 +18,10 @@ from identification.deciding import BLOCKS, FAR_FROM_GIVEN, MOST_WORK
 from identification.diagnosis.log.parts import block_numbers
 from identification.diagnosis.search.candidates import candidates_of
 from identification.estimate import half_width
-from identification.fit.filtering import LEAST_GAIN, Point
+from identification.fit.followed import Point
 from identification.fit.intervals import ByPart, Information, information_of, interval_of, told_by_part
 from identification.fit.prediction_errors import PredictionErrors
+from identification.fit.sensitivities import LEAST_GAIN
 from identification.fit.steps import brisk, suited
 from identification.fit.strides import stride_for
 from identification.fit.validation import free_runs

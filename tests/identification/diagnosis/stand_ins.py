@@ -14,7 +14,7 @@ from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import Candidate, Screening
 from identification.diagnosis.search.trials import Trial
 from identification.diagnosis.search.workbench import State
-from identification.fit.filtering import Point
+from identification.fit.followed import Point
 
 PLANT = load_vehicle("slocum")
 

@@ -10,7 +10,7 @@ from auv_gym.plant import Correction, Plant, Runs, load_vehicle
 from auv_gym.records.record import Record
 from identification.fit import strides
 from identification.fit.averaging import Averages
-from identification.fit.filtering import Point
+from identification.fit.followed import Point
 from identification.fit.intervals import information_of
 from identification.fit.kalman import start_slopes
 from identification.fit.prediction_errors import PredictionErrors

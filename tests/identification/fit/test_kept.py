@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identification.fit import filtering
+from identification.fit import sensitivities
 from identification.fit.kept import KeptSlopes
 from identification.fit.parameters import moves_of
 from identification.fit.prediction_errors import PredictionErrors
@@ -83,7 +83,7 @@ def test_slopes_by_coefficients_that_change_are_zero_before_and_those_of_the_veh
     assert (
         problem.changing_slopes(point, COEFFICIENTS, np.ones(1200)) is None
     )  # two coefficients are too few to hold responses
-    monkeypatch.setattr(filtering, "_MANY", 2)
+    monkeypatch.setattr(sensitivities, "_MANY", 2)
     answered = problem.prepared(point, COEFFICIENTS)
     whole, later = (
         problem.changing_slopes(answered, COEFFICIENTS, (np.arange(1200) >= row).astype(float)) for row in (0, 600)

@@ -19,6 +19,7 @@ from identification.fit.kalman import run_filter
 from identification.fit.noises import Noise
 from identification.fit.parameters import moves_of
 from identification.fit.prediction_errors import NOISE_STEPS, PredictionErrors
+from identification.fit.sensitivities import LEAST_GAIN
 from identification.fit.shooting import Shooting
 from identification.fit.windows import free_run_windows
 
@@ -406,7 +407,7 @@ def test_a_column_of_zeros_counts_as_not_measured(pushed):
     still_there, absent = (PredictionErrors(GLIDER, log, whole(log)) for log in (zeros, without))
     wanted = absent.solve(GLIDER, PATHS)
     near = still_there.point(wanted.vector, wanted.logs, wanted)  # a fit from elsewhere ends elsewhere in a flat valley
-    assert still_there.total(near) == pytest.approx(absent.total(wanted), abs=filtering.LEAST_GAIN)
+    assert still_there.total(near) == pytest.approx(absent.total(wanted), abs=LEAST_GAIN)
     found = still_there.solve(still_there.plant_at(near, PATHS), PATHS, near)
     assert found.vector == pytest.approx(wanted.vector, rel=1e-2)
     still = zeros.with_channels({"heading_rad": np.full(len(pushed), 1.0)})

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auv_gym.param import replace_at, value_at
-from identification.fit import filtering
+from identification.fit import sensitivities
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.responses import Responses
 from tests.identification.fit.test_averaging import COEFFICIENTS, GLIDER, dense_log, whole
@@ -16,7 +16,7 @@ WRONG = replace_at(GLIDER, {path: 1.4 * value_at(GLIDER, path) for path in COEFF
 
 @pytest.fixture(autouse=True)
 def few_are_many(monkeypatch):
-    monkeypatch.setattr(filtering, "_MANY", 2)
+    monkeypatch.setattr(sensitivities, "_MANY", 2)
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def test_a_fit_ends_by_the_vehicles_own_slopes(pushed, monkeypatch):
     soon = problem.solve(WRONG, COEFFICIENTS, near)
     assert soon.system is not None
     assert soon.system.responses is not None
-    monkeypatch.setattr(filtering, "_MANY", 3)
+    monkeypatch.setattr(sensitivities, "_MANY", 3)
     exact = problem.solve(WRONG, COEFFICIENTS, near)
     assert exact.system is not None
     assert exact.system.responses is None

@@ -24,7 +24,8 @@ from identification.diagnosis.search.remainder import Left, what_is_left
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.glider_dives import yo_mission
 from identification.experiments.heading_control import closed_loop
-from identification.fit import filtering
+from identification.fit import sensitivities
+from identification.fit.followed import Followed
 from scripts.blind.changing import ChangingGlider
 
 OFFSET, DEADBAND, AIR = "effects.rudder.offset", "effects.rudder.deadband", "effects.volume.air"
@@ -136,7 +137,7 @@ def test_what_accelerations_cost_is_no_evidence_for_a_change(monkeypatch):
     """A change may make them needless, and what these had cost before is then saved, whatever the change is."""
     bench, state = moved_slowly(3)
     cost = lambda self, logs: 50.0 * np.array_equal(logs, state.point.logs)  # noqa: E731
-    monkeypatch.setattr(filtering.Filter, "_cost", cost)
+    monkeypatch.setattr(Followed, "_cost", cost)
     assert steadiness(bench, state, [MOMENT]).probability > UNSTEADY
 
 
@@ -251,7 +252,7 @@ def test_changes_of_coefficients_are_seen_as_well_by_responses(monkeypatch):
     began = work.done
     itself = steadiness(bench, state, own, quietly=False)
     between = work.done
-    monkeypatch.setattr(filtering, "_MANY", 2)
+    monkeypatch.setattr(sensitivities, "_MANY", 2)
     soon = steadiness(bench, state, own, quietly=False)
     assert itself.probability > UNSTEADY
     assert soon.path == itself.path

@@ -1,0 +1,197 @@
+"""A plant run along a record with the gains of a filter, and the likelihood of the record."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from auv_gym.plant import Correction
+from identification.deciding import COST, LEAST_PROCESS
+from identification.fit.kalman import System
+from identification.fit.linearised import Linearised
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Parameters and noises, and the filter with them.
+
+    vector: (n_parameters,).  logs: (C + 2 D,), logarithms of the noises.  errors: (rows, C), one-step errors over their
+    deviations.  scores: (rows,), log-likelihood of each row.  path: (rows, F), filtered states; of
+    averaged rows those before their readings.  gains: (rows, N, C), of the live states and accelerations.
+    starts: (W, F), the likeliest states where stretches begin; roots: (W, n, n), how far the filter lets them be off.
+    """
+
+    vector: np.ndarray
+    logs: np.ndarray
+    errors: np.ndarray
+    scores: np.ndarray
+    path: np.ndarray
+    gains: np.ndarray
+    whiten: np.ndarray
+    innovations: np.ndarray
+    starts: np.ndarray
+    roots: np.ndarray
+    system: System | None
+
+
+class Followed(Linearised):
+    """A plant that follows a record by the gains of a filter, and how likely the record is then."""
+
+    def _numbers(self, logs: np.ndarray, every: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Variances of channels, deviations and correlation times of accelerations; see `run_filter`.
+
+        every: those accelerations, too, that are hardly there, which a filter does without.
+        """
+        count, pushed = len(self.channels), len(self.pushed)
+        deviations = np.exp(logs[count : count + pushed][self.leads]) * (self._there(logs) | every)
+        return np.exp(2.0 * logs[:count]), deviations, np.exp(logs[count + pushed :][self.leads])
+
+    def _followed(
+        self,
+        vector: np.ndarray,
+        logs: np.ndarray,
+        starts: np.ndarray,
+        gains: np.ndarray,
+        whiten: np.ndarray,
+        system: System,
+    ) -> Point:
+        """The vehicle itself run with the gains of a filter."""
+        y, after = self._follow(vector[None], starts, gains, logs, system, True)
+        innovations = np.where(self.finite, self.measured - y[0], 0.0)
+        before = np.empty_like(after[0])
+        before[1:] = after[0][:-1]
+        first = starts.copy()
+        for w in np.flatnonzero(self.carried):
+            first[w, : len(self._shared)][self._shared] = before[self.offsets[w], : len(self._shared)][self._shared]
+        before[self.offsets] = first
+        if self.stride == 1:
+            before[:, self._moving] += np.einsum("rnc,rc->rn", gains, innovations)
+        with np.errstate(over="ignore", invalid="ignore"):
+            errors, scores = self._scored(whiten, innovations)
+        return Point(vector, logs, errors, scores, before, gains, whiten, innovations, starts, system.start, system)
+
+    def _follow(
+        self,
+        vectors: np.ndarray,
+        starts: np.ndarray,
+        gains: np.ndarray,
+        logs: np.ndarray,
+        system: System | None,
+        keep: bool,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Predictions (S, rows, C) of runs with gains and, with `keep`, the states one row later."""
+        times = self._numbers(logs)[2]
+        decays = np.exp(-self.durations[:, None] / times) if len(times) else np.ones((len(self.rows), 0))
+        if self.stride > 1 and system is not None:
+            gains = self._late(gains, decays, system.moves)
+        starts = starts if starts.ndim == 3 else starts[None]
+        self.work.add(len(vectors) * self.runs.rows * self.stride)
+        corrected = (self.every, gains, self._moving, self.columns)
+        correction = Correction(*corrected, self.kicks, decays, self.carried, self._shared)
+        y, after = self.plant.follow_many(self.runs, vectors, starts, correction, keep)
+        every = len(self.columns) == len(self.plant.outputs)  # channels are in the order of outputs
+        return y if every else y[:, :, self.columns], after
+
+    def _late(self, gains: np.ndarray, decays: np.ndarray, moves: np.ndarray | None) -> np.ndarray:
+        """Gains that correct at the end of a row what those of the filter correct where it begins, (rows, N, C)."""
+        assert moves is not None
+        pushes = self._turned(decays[:, :, None] * gains[:, len(self.live) :])
+        return np.concatenate([moves @ gains, pushes], axis=1)
+
+    def _turned(self, pushes: np.ndarray) -> np.ndarray:
+        """What turns of a swell make of accelerations in a row, (rows, D, C), when the next one begins."""
+        found = pushes.copy()
+        for d in np.flatnonzero(self.kicks[:, 3]):
+            angle = self.kicks[d, 3] * self.durations[:, None]
+            found[:, d] = np.cos(angle) * pushes[:, d] - np.sin(angle) * pushes[:, d + 1]
+            found[:, d + 1] = np.sin(angle) * pushes[:, d] + np.cos(angle) * pushes[:, d + 1]
+        return found
+
+    def _scored(self, whiten: np.ndarray, innovations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        errors = np.einsum("rmc,rc->rm", whiten, innovations)
+        diagonal = np.einsum("rcc->rc", whiten)
+        logs = np.log(np.where(self.finite, np.maximum(diagonal, 1e-300), 1.0))
+        scores = (logs - 0.5 * errors**2 - 0.5 * np.log(2.0 * np.pi) * self.finite).sum(axis=1)
+        return errors, scores
+
+    def total(self, point: Point) -> float:
+        """The log-likelihood of the rows that are counted."""
+        total = float(point.scores[self.counted > 0.0].sum())
+        return total if np.isfinite(total) else -np.inf
+
+    def likelihood(self, point: Point, paths: Sequence[str]) -> float:
+        """The same with what is known of the paths beforehand, and of correlation times."""
+        known = 0.5 * float((self.pulls(point.vector, paths)[0] ** 2).sum())
+        return self.total(point) - known + self._prior(point.logs)[0]
+
+    def objective(self, point: Point, paths: Sequence[str]) -> float:
+        """What a fit makes greatest: the same, less what accelerations must be worth to be there."""
+        return self.likelihood(point, paths) - self._cost(point.logs)
+
+    def is_pushed(self, point: Point) -> bool:
+        """Whether random accelerations have any part in a point."""
+        return bool(self._there(point.logs).any())
+
+    def pushes(self, point: Point) -> np.ndarray:
+        """Which of the accelerations have a part in a point, those of a swell apart, (D,)."""
+        return self._there(point.logs) & ~self.swells
+
+    def swelling(self, point: Point) -> np.ndarray:
+        """Which accelerations of a swell have a part in a point, (D,)."""
+        return self._there(point.logs) & self.swells
+
+    def _cost(self, logs: np.ndarray) -> float:
+        """What accelerations must be worth to be there, of the log-likelihood."""
+        return COST * float(self._there(logs)[self._leading].sum())
+
+    def _there(self, logs: np.ndarray, least: float = 10.0 * LEAST_PROCESS) -> np.ndarray:
+        """Which accelerations are more than the least, in their units, (D,)."""
+        first, pushed = len(self.channels), len(self.pushed)
+        return np.exp(logs[first : first + pushed][self.leads]) > least * np.array(self.unit)
+
+    def _prior(self, logs: np.ndarray) -> tuple[float, np.ndarray]:
+        """Log-density of correlation times, which a vehicle's time scales bound, less what starts take up; its slope.
+
+        Starts are fitted, so that the first readings of a stretch are met exactly, and would be the likelier the more
+        exact readings are taken to be: in a record of many short stretches, without any noise (Neyman and Scott 1948).
+        """
+        slope, channels, pushed = np.zeros(logs.size), len(self.channels), len(self.pushed)
+        slope[:channels] = self._taken_up
+        value = float(self._taken_up @ logs[:channels])
+        if not pushed:
+            return value, slope
+        centre, deviation, *_ = self.slowness
+        far = np.where(self._leading, (logs[-pushed:] - centre) / deviation, 0.0)
+        slope[-pushed:] = -far / deviation
+        return value - 0.5 * float(far @ far), slope
+
+    @cached_property
+    def _taken_up(self) -> np.ndarray:
+        """How many readings of each channel, (C,), go into the starts of stretches: one a state, of the first row."""
+        first = self.finite[self.offsets[~self.carried]]
+        states = int((self.live < len(self.plant.family.states)).sum())
+        return (first * np.minimum(states / np.maximum(first.sum(axis=1, keepdims=True), 1), 1.0)).sum(axis=0)
+
+    def counted_flat(self, columns: np.ndarray) -> np.ndarray:
+        """Columns, (P, rows, C), flat, (P, rows * C), zero in the rows that do not count."""
+        if not np.all(self.counted == 1.0):
+            columns = columns * self._root
+        return columns.reshape(len(columns), self.measured.size)
+
+    def counted_errors(self, point: Point) -> np.ndarray:
+        """The errors that count, (rows, C), zero in the other rows."""
+        return point.errors * self._root
+
+    @property
+    def _root(self) -> np.ndarray:
+        return np.sqrt(self.counted)[:, None]
+
+    def with_gains(self, point: Point, vector: np.ndarray, starts: np.ndarray | None = None) -> Point:
+        """Other parameters, and starts, with the filter's gains of a point."""
+        if point.system is None:
+            return point
+        starts = point.starts if starts is None else starts
+        return self._followed(vector, point.logs, starts, point.gains, point.whiten, point.system)

@@ -1,0 +1,286 @@
+"""How the errors of a filter move with parameters and initial states, and steps of both that make them least."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from identification.fit.driven import driven_slopes
+from identification.fit.followed import Followed, Point
+from identification.fit.kalman import start_slopes
+from identification.fit.kept import KeptSlopes
+from identification.fit.linearised import at_once
+from identification.fit.parameters import moves_of
+from identification.fit.responses import Responses
+
+_NO_START = 1e-9  # of the slopes by starts, below which one does nothing
+_START_STEP = 1e-3  # of the probe of a state, over which slopes by starts are taken: as true as those by parameters
+_DAMPING = 1e-5  # of the information, so that no step goes far where the record tells next to nothing
+_TRIES, _TIGHTER = 6, 30.0  # of a step, and how much more it is damped each time
+_DESCENTS = 3  # steps of the parameters with the same gains
+_AWAY = 1e100  # a slope of a run that has run away: its square would be no number
+_ENOUGH = 10.0  # deviations of the noise by which a free run changes, from which on more counts the same
+_MANY = 8  # coefficients of a fit, from which on it saves time to hold how the vehicle answers them
+NOTHING = 1e-4  # deviations of all readings together: a path that moves them by less over a scale does nothing
+LEAST_GAIN = 0.005  # of the log-likelihood, that a turn must bring for a fit to go on
+
+
+class Sensitivities(Followed):
+    """How the errors of a filter move with parameters and with where stretches begin, the gains held."""
+
+    @property
+    def _held_first(self) -> np.ndarray:
+        """Which stretches begin with rows that do not count, (W,): these alone tell how they begin."""
+        return self.counted[self.offsets] == 0.0
+
+    def columns_of(
+        self, point: Point, moves: Sequence[tuple[str, float]], vector: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Slopes of the predictions, over the errors' deviations, (P, rows, C), for paths moved by steps in scales.
+
+        One call for all: the vehicle is run with the filter's gains and each parameter moved.  vector: one from which
+        they are moved that predicts the same as the point's.
+        """
+        if not moves:
+            return np.zeros((0, *self.measured.shape))
+
+        def make(which: Sequence[int]) -> np.ndarray:
+            vectors, steps = self._moved(point.vector if vector is None else vector, [moves[k] for k in which])
+            return self._changes(point, vectors, point.starts, steps)
+
+        if vector is not None:
+            return make(range(len(moves)))
+        return self._kept.of(point, self._keys(moves), make)
+
+    def keep_columns(self, point: Point, moves: Sequence[tuple[str, float]], columns: np.ndarray) -> None:
+        """Let slopes of a point that are known from elsewhere, (P, rows, C), be those that `columns_of` gives."""
+        self._kept.keep(point, dict(zip(self._keys(moves), columns, strict=True)))
+
+    def _keys(self, moves: Sequence[tuple[str, float]]) -> list[tuple[int, str, float, float]]:
+        return [(id(self.plant), path, step, self.scale(path)) for path, step in moves]
+
+    @cached_property
+    def _kept(self) -> KeptSlopes:
+        return KeptSlopes()
+
+    def _changes(self, point: Point, vectors: np.ndarray, starts: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """By how much predictions change, per step and over the errors' deviations, (S, rows, C)."""
+        found, before = np.empty((len(vectors), *self.measured.shape)), self.measured - point.innovations
+        for some in at_once(len(vectors), self.every.size):
+            own = starts[some] if starts.ndim == 3 else starts
+            y, _ = self._follow(vectors[some], own, point.gains, point.logs, point.system, False)
+            with np.errstate(invalid="ignore", over="ignore"):
+                change = (y - before) / steps[some, None, None]
+            change[~((np.abs(change) < _AWAY) & self.finite)] = 0.0
+            np.einsum("rmc,prc->prm", point.whiten, change, out=found[some])
+        return found
+
+    def counted_slopes(self, point: Point, paths: Sequence[str]) -> np.ndarray:
+        """Slopes by the paths of the errors that count, (P, rows * C)."""
+        return self.counted_flat(self.columns_of(point, moves_of(paths)))
+
+    def own_slopes(self, point: Point, paths: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        """Slopes by the paths of the errors that count, and what starts cannot imitate of them, (P, rows * C) both.
+
+        By central differences: what those to one side are off by looks like what starts cannot imitate, along a
+        vehicle that turns away from its course.
+        """
+        moves = moves_of(paths)
+        back = self.columns_of(point, [(path, -step) for path, step in moves])
+        slopes = self.counted_flat(0.5 * (self.columns_of(point, moves) + back))
+        basis = self._basis(0.5 * (self._run_starts(point)[0] + self._run_starts(point, -1.0)[0]))
+        return slopes, slopes - (slopes @ basis) @ basis.T
+
+    def without_starts(self, point: Point, slopes: np.ndarray) -> np.ndarray:
+        """What the stretches' starts cannot imitate of slopes, (P, rows * C)."""
+        basis = self.start_basis(point)
+        return slopes - (slopes @ basis) @ basis.T
+
+    def free_sensitivity(self, point: Point, paths: Sequence[str]) -> np.ndarray:
+        """By how many deviations of the sensors' noise free runs change for a scale of each path, root sum square."""
+        deviations = np.sqrt(self._numbers(point.logs)[0])
+        free = replace(
+            point,
+            gains=np.zeros_like(point.gains),
+            innovations=self.measured
+            - self._follow(
+                point.vector[None], point.starts, np.zeros_like(point.gains), point.logs, point.system, False
+            )[0][0],
+            whiten=(self.finite * np.sqrt(self.counts))[:, :, None] * np.diag(1.0 / deviations),
+        )
+        columns = self.columns_of(free, moves_of(paths))
+        # a free run that is unstable says no more by running away further
+        return np.sqrt((np.minimum(np.abs(columns), _ENOUGH) ** 2).sum(axis=(1, 2)))
+
+    def start_basis(self, point: Point) -> np.ndarray:
+        """An orthonormal basis, (rows * C, m), of what the stretches' starts can do to the errors that count.
+
+        Starts are fitted: with what they imitate taken out of the slopes of parameters, it makes no difference how far
+        the filter lets them be off.
+        """
+        return self._basis(self._run_starts(point)[0])
+
+    def _basis(self, columns: np.ndarray) -> np.ndarray:
+        kept = columns[self._told_starts(columns)]
+        if not len(kept):
+            return np.zeros((columns.shape[1], 0))
+        left, values, _ = np.linalg.svd((kept / np.linalg.norm(kept, axis=1)[:, None]).T, full_matrices=False)
+        return left[:, values > 1e-6 * values[0]]
+
+    @staticmethod
+    def _told_starts(columns: np.ndarray) -> np.ndarray:
+        """Which starts do anything to the errors, by their columns, (m, rows * C)."""
+        size = np.linalg.norm(columns, axis=1)
+        return size > _NO_START * max(float(size.max(initial=0.0)), 1.0)
+
+    def _run_starts(self, point: Point, side: float = 1.0) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
+        """Columns of the starts by the vehicle itself; see `_by_start`.  side: 1, or -1 for steps back."""
+        probes = side * _START_STEP * self._probes(self.live)
+
+        def make(which: Sequence[int]) -> np.ndarray:
+            starts = np.repeat(point.starts[None], len(which), axis=0)
+            for j, k in enumerate(which):
+                starts[j, :, self.live[k]] += probes[k]
+            vectors = np.repeat(point.vector[None], len(which), axis=0)
+            return self._changes(point, vectors, starts, probes[which])
+
+        keys = [(id(self.plant), int(i), float(probe)) for i, probe in zip(self.live, probes, strict=True)]
+        return self._by_start(self._kept.of(point, keys, make))
+
+    def _starts_for_steps(self, point: Point) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
+        """Columns of the starts for steps: by the linearised filter, which is soon made, where it is true enough.
+
+        What goes on from stretch to stretch is felt long after, where the vehicle is no longer on the filter's path.
+        """
+        if self.carried.any():
+            return self._run_starts(point)
+        assert point.system is not None
+        numbers = (point.gains, point.whiten, self._numbers(point.logs)[2])
+        return self._by_start(start_slopes(point.system, *numbers))
+
+    def _by_start(self, columns: np.ndarray) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
+        """Columns of errors that count by each start, (m, rows * C), and which stretches and state each is of.
+
+        columns: (n, rows, C), by the live states, each moved where any stretch begins.  A state that nobody knows is
+        one for all stretches in which it goes on.
+        """
+        columns, states = columns * self._root, len(self._shared)
+        anew, own = np.cumsum(~self.carried), np.arange(len(self.stretches))
+        found, owners = [], []
+        for j, i in enumerate(self.live):
+            group = anew if i < states and self._shared[i] else own
+            for g in np.unique(group):
+                mine = (group == g)[self.stretch_of_row]
+                found.append(np.where(mine[:, None], columns[j], 0.0).ravel())
+                owners.append((np.flatnonzero(group == g), int(i)))
+        return np.array(found).reshape(len(owners), self.measured.size), owners
+
+    def prepared(self, point: Point, paths: Sequence[str]) -> Point:
+        """The point with responses to those coefficients among paths, if they are many: `descended` is then quick.
+
+        Those of a point farther away will do.
+        """
+        many = [p for p in paths if p in self.plant.doubted]
+        if len(many) < _MANY or point.system is None or self.carried.any():
+            return point
+        known = point.system.responses
+        if known is not None and known.paths == tuple(many):
+            return point
+        responses = self._responses(point.vector, point.path, many)
+        return replace(point, system=replace(point.system, responses=responses))
+
+    def soon_slopes(self, point: Point, paths: Sequence[str]) -> np.ndarray:
+        """Slopes by the paths of the errors that count, by responses where a point has any; (P, rows * C)."""
+        known = None if point.system is None else point.system.responses
+        many = [] if known is None else [p for p in paths if p in known.paths]
+        if not many or known is None:
+            return self.counted_slopes(point, paths)
+        soon = self.slopes_by(point, known.of(many))
+        found = np.empty((len(paths), *self.measured.shape))
+        found[[p in known.paths for p in paths]] = soon
+        rest = [p for p in paths if p not in known.paths]
+        found[[p in rest for p in paths]] = self.columns_of(point, moves_of(rest))
+        return self.counted_flat(found)
+
+    def changing_slopes(self, point: Point, paths: Sequence[str], shares: np.ndarray) -> np.ndarray | None:
+        """Slopes by coefficients that change by shares in each row, (rows,), by responses; None where none are known.
+
+        The same as those of the vehicle itself to what responses are off by, at hardly any cost.
+        """
+        known = None if point.system is None else point.system.responses
+        if known is None or not set(paths) <= set(known.paths):
+            return None
+        later, shares = known.of(paths), shares[:, None, None]
+        return self.slopes_by(point, replace(later, onward=later.onward * shares, seen=later.seen * shares))
+
+    def partly(self, point: Point, path: str, shares: np.ndarray) -> Responses:
+        """Responses to a path that changes by shares in each row, (P, rows)."""
+        whole = self._responses(point.vector, point.path, (path,))
+        shares = shares.T[:, None]
+        return Responses((path,) * shares.shape[2], whole.onward * shares, whole.seen * shares)
+
+    def pushed_by(self, point: Point, axis: int, laws: np.ndarray) -> Responses:
+        """Responses to accelerations, or lasting errors, of the `axis`-th kind that follow laws, (P, rows).
+
+        Of a point with a system; an acceleration is that of a row until the next one begins.  A reading errs by what a
+        law was a row before: states and commands of its own row have been told by it.
+        """
+        assert point.system is not None
+        if self.misread[axis]:
+            laws = laws[:, np.maximum(np.arange(len(self.rows)) - 1, self.offsets[self.stretch_of_row])]
+        solid, laws = len(self.live), laws.T[:, None]
+        moved, seen = point.system.a[:, :, solid + axis, None], point.system.c[:, :, solid + axis, None]
+        return Responses(("",) * laws.shape[2], moved * laws, seen * laws)
+
+    def slopes_by(self, point: Point, responses: Responses) -> np.ndarray:
+        """Slopes of the predictions by what has these responses, (P, rows, C), of a point with a system."""
+        assert point.system is not None
+        numbers = (point.gains, point.whiten, self._numbers(point.logs)[2])
+        return driven_slopes(point.system, *numbers, responses)
+
+    def descended(self, here: Point, paths: Sequence[str], iterations: int = _DESCENTS, exact: bool = False) -> Point:
+        """The point of least squared errors over paths and starts, the filter's gains held; Levenberg and Marquardt.
+
+        exact: whether slopes are those of the vehicle itself, also where responses are known.
+        """
+        if here.system is None:
+            return here
+        every, owners, taken, count = np.zeros((0, 0)), list[tuple[np.ndarray, int]](), None, len(paths)
+        for _ in range(iterations):
+            if self.carried.any() or not self._near_by(taken, here.vector):
+                starts, owners = self._starts_for_steps(here)
+                told = self._told_starts(starts)
+                owned = np.array([not self._held_first[stretches].all() for stretches, _ in owners], dtype=bool)
+                moving = np.flatnonzero(told & owned)
+                starts, owners, taken = starts[moving], [owners[k] for k in moving], here.vector
+                slopes = self.counted_slopes(here, paths) if exact else self.soon_slopes(here, paths)
+                every = np.vstack([slopes, starts])
+            if not len(every):
+                break
+            whole, right = every @ every.T, every @ self.counted_errors(here).ravel()
+            pulled, rates = self.pulls(here.vector, paths)
+            whole[:count, :count] += np.diag(rates**2)
+            right[:count] -= rates * pulled
+            held = self.at_edge(here.vector, paths, right)
+            whole[held], whole[:, held], right[held] = 0.0, 0.0, 0.0
+            whole[held, held] = 1.0
+            size, damping = np.sqrt(np.maximum(np.diag(whole), 1e-300)), _DAMPING
+            scaled, before = whole / np.outer(size, size), self.objective(here, paths)
+            for _ in range(_TRIES):
+                step = np.linalg.solve(scaled + damping * np.eye(len(size)), right / size) / size
+                if 0.5 * float(right @ step) < 0.1 * LEAST_GAIN:
+                    return here
+                moved = here.starts.copy()
+                for (stretches, i), way in zip(owners, step[count:], strict=True):
+                    moved[stretches, i] += way
+                there = self.with_gains(here, self.moved_vector(here.vector, paths, step[:count]), moved)
+                if self.objective(there, paths) > before:
+                    break
+                damping *= _TIGHTER
+            else:
+                return here
+            here = there
+        return here
