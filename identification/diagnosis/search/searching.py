@@ -58,24 +58,25 @@ class _Chosen:
 
 
 def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searched:
-    """What a search finds, beside waves from the beginning where the errors show any before it.
+    """What a search finds, beside waves from the beginning where the errors show any before it, which saves one search.
 
-    Else it would be repeated beside them.  Unless they come to nothing beside what was found: an effect that makes the
-    vehicle swing has looked like waves then.
+    Unless they come to nothing beside what was found, or nothing was found beside them: an effect that makes the
+    vehicle swing may have looked like waves.  Effects then come first.
     """
     if not log.slipped:
         progress(0.04, "looking for waves")
         noisier = known.with_waves()
         found = known if noisier is known else _sought(log, noisier, progress)
-        if isinstance(found, Searched) and _waves_in(found):
+        if isinstance(found, Searched) and _beside_waves(found):
             return found
     return _sought(log, known, progress)
 
 
-def _waves_in(found: Searched) -> bool:
-    """Whether waves push the vehicle in the state that was found."""
+def _beside_waves(found: Searched) -> bool:
+    """Whether effects were found, and waves push the vehicle beside them."""
     noise = found.known.bench.problem.noise_at(found.state.point)
-    return any(len(pushed) >= LEAST_OF_SWELL for pushed in noise.swell.values())
+    waves = any(len(pushed) >= LEAST_OF_SWELL for pushed in noise.swell.values())
+    return waves and any(made.chosen is not None for made in found.rounds)
 
 
 def _sought(log: CheckedLog, known: Known, progress: Progress, sought: Collection[str] = ()) -> Searched:

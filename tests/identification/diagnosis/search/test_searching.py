@@ -164,13 +164,22 @@ def test_further_noises_are_looked_for_also_where_there_was_no_time_for_a_furthe
     assert [made.chosen is None for made in found.rounds] == [False]
 
 
-@pytest.mark.parametrize("swell, kept", [({}, False), ({6.0: ["w_mps"]}, False), ({6.0: ["v_mps", "w_mps"]}, True)])
+@pytest.mark.parametrize(
+    "swell, found_one, kept",
+    [
+        ({}, True, False),
+        ({6.0: ["w_mps"]}, True, False),
+        ({6.0: ["v_mps", "w_mps"]}, True, True),
+        ({6.0: ["v_mps", "w_mps"]}, False, False),
+    ],
+)
 def test_waves_that_show_before_a_search_are_there_throughout_unless_it_explains_them(
-    turning, monkeypatch, swell, kept
+    turning, monkeypatch, swell, found_one, kept
 ):
     """One search beside them then, and none without; what makes a vehicle swing may look like waves at first."""
     (log, known), searched = turning, []
     other = replace(known)
+    monkeypatch.setattr(searching, "candidates_of", lambda *given: candidates_of(*given) if found_one else [])
 
     def selecting(bench, *arguments):
         searched.append(bench)
@@ -185,6 +194,7 @@ def test_waves_that_show_before_a_search_are_there_throughout_unless_it_explains
     found = search_effects(log, known, lambda fraction, text: None)
     assert found.known is (other if kept else known)
     assert len(searched) == (1 if kept else 2)
+    assert any(made.chosen is not None for made in found.rounds) is found_one
 
 
 def test_free_runs_are_nearer_with_what_is_there(turning, monkeypatch):
