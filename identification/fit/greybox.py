@@ -13,6 +13,7 @@ from auv_gym.plant.record_check import check_ranges
 from auv_gym.records.record import Record, concat
 from identification.estimate import Estimate
 from identification.fit.followed import Point
+from identification.fit.further_noises import further_noises
 from identification.fit.intervals import information_of, interval_of
 from identification.fit.noises import Noise
 from identification.fit.prediction_errors import PredictionErrors
@@ -30,7 +31,7 @@ DEPENDENT = 1e-7  # smallest eigenvalue of the scaled normal matrix at which par
 class GreyBoxFit:
     """A plant with its free parameters fitted, and how sure they are.
 
-    covariance: (P, P) in the parameters' units.  noise: of a sensor's reading, and of what pushes the vehicle.
+    covariance: (P, P) in the parameters' units.  noise: of sensors' readings, and of what pushes the vehicle.
     averaged: s, over which readings were averaged, 0 where each was read by itself.
     log_likelihood: of the prediction errors.  residual_rms: per channel, of free runs over the windows from states that
     suit each best.  windows: slices of the fitted record, which holds all records given one after the other.
@@ -56,7 +57,8 @@ class GreyBox:
     """Grey-box prediction-error fit with sensor and process noise; see `identification.fit.prediction_errors`.
 
     free: parameter paths of the plant.  process: whether random accelerations may push the vehicle, their strength and
-    correlation times estimated; without, this is output error over windows, each begun from states of its own.
+    correlation times estimated; without, this is output error over windows, each begun from states of its own.  Where
+    what a fit leaves shows them, waves push the vehicle, too, or errors of sensors last (`fit.further_noises`).
     window: s, the length of a window, by default the vehicle's; with process noise, windows are joined.
     doubt: relative standard deviation of the coefficients that state none, which holds them to their values; by default
     nothing does.
@@ -124,6 +126,8 @@ class GreyBox:
         better = suited(given, problem, point)
         if better is not problem:
             problem, point = better, self._likeliest(better)
+        for noisier in further_noises(problem, problem.plant_at(point, paths), paths, point):
+            problem, point = noisier.problem, noisier.point
         return self._result(problem, point, paths, windows)
 
     def _likeliest(self, problem: PredictionErrors) -> Point:

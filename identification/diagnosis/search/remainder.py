@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -14,6 +14,7 @@ from identification.diagnosis.search.constancy import steadiness
 from identification.diagnosis.search.dependence import CLOCK, Dependence, clock_varies, dependence
 from identification.diagnosis.search.gusts import gusts
 from identification.diagnosis.search.workbench import State, Workbench
+from identification.fit.coloured import coloured_channels
 from identification.fit.parameters import moves_of
 from identification.fit.validation import whiteness
 
@@ -52,29 +53,19 @@ def what_is_left(bench: Workbench, state: State) -> Left:
     if not np.isfinite(point.scores).all():  # a filter that is lost explains nothing
         return Left(tuple(problem.channels))
     level = LEFT / len(problem.channels)
-    bursts = [name for name, errors, stretch, _ in _by_channel(bench, state) if comes_in_bursts(errors, stretch, level)]
+    bursts = [
+        name
+        for c, (name, seen) in enumerate(zip(problem.channels, problem.finite.T, strict=True))
+        if comes_in_bursts(point.errors[seen, c], problem.stretch_of_row[seen], level)
+    ]
     own, changes = [p for p in state.paths if p in state.plant.doubted], ""
     if own and (least := steadiness(bench, state, own, quietly=False, level=LEFT)).probability < LEFT:
         changes = least.path
     elif clock_varies(bench, state):
         changes = CLOCK
     pushed, misread = gusts(problem, point)
-    coloured, depends = coloured_channels(bench, state), dependence(bench, state)
+    coloured, depends = coloured_channels(problem, point), dependence(bench, state)
     return Left(coloured, tuple(bursts), pushed, misread, depends, changes)
-
-
-def coloured_channels(bench: Workbench, state: State) -> tuple[str, ...]:
-    """The channels whose errors are surely not white."""
-    fitted, level = bench.fitted_basis(state), LEFT / len(bench.problem.channels)
-    every = _by_channel(bench, state)
-    return tuple(name for name, errors, stretch, seen in every if is_coloured(errors, stretch, fitted[seen], level))
-
-
-def _by_channel(bench: Workbench, state: State) -> Iterator[tuple[str, np.ndarray, np.ndarray, tuple[np.ndarray, int]]]:
-    """Channel by channel the name, its errors, their stretches, and rows and number of the channel."""
-    problem = bench.problem
-    for c, (name, seen) in enumerate(zip(problem.channels, problem.finite.T, strict=True)):
-        yield name, state.point.errors[seen, c], problem.stretch_of_row[seen], (seen, c)
 
 
 def passing_effect(bench: Workbench, state: State, candidates: Sequence[Candidate]) -> str:
@@ -108,20 +99,11 @@ def likeliest_to_change(bench: Workbench, state: State, paths: Sequence[str], co
     return sorted(evidence, key=lambda path: -evidence[path])[:count]
 
 
-def is_coloured(error: np.ndarray, stretch: np.ndarray, fitted: np.ndarray, level: float) -> bool:
-    """Whether errors are surely not white, and their colour would predict more than `EXCESS` of them.
-
-    fitted: (n, q), orthonormal columns of what was fitted.  level: probability of a yes where there is no colour.
-    """
-    white = whiteness(error, stretch, fitted=fitted)
-    return white.p_value < level and float((white.correlation**2).sum()) > EXCESS
-
-
 def comes_in_bursts(error: np.ndarray, stretch: np.ndarray, level: float) -> bool:
     """Whether a large error is surely followed by large ones more often than by chance, and that would predict squares.
 
     White errors of steady size have white squares.  A square counts up to `SURE` usual deviations, so that wild
-    readings make no burst.  level: as in `is_coloured`.
+    readings make no burst.  level: probability of a yes where there are none.
     Source: McLeod and Li 1983, Journal of Time Series Analysis 4, pages 269-273.
     """
     usual = max(float(np.median(error**2)), 1e-300) / float(chi2.median(1))

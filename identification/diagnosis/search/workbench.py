@@ -314,11 +314,6 @@ class Workbench:
             self._told[state] = information_of(self.problem, state.point, state.paths)
         return self._told[state]
 
-    def fitted_basis(self, state: State) -> np.ndarray:
-        """Orthonormal columns of what the starts of all stretches may change in the errors, (rows, C, q)."""
-        basis = self.problem.start_basis(state.point)
-        return basis.reshape(*state.point.errors.shape, basis.shape[1])
-
     def costs(self, state: State) -> np.ndarray:
         """Minus twice the objective in each of `BLOCKS` equal times of the record, (B,); what is known shared out."""
         p, scores = self.problem, np.bincount(self.block_of_row, state.point.scores, minlength=BLOCKS)

@@ -128,7 +128,7 @@ def _given(plant: Plant, lead: float) -> float:
 
 def coloured(fit: GreyBoxFit) -> dict[str, float]:
     """Correlation of prediction errors from one sample to the next, by channel."""
-    problem = PredictionErrors(fit.model, fit.record, fit.windows)
+    problem = PredictionErrors(fit.model, fit.record, fit.windows).with_noises_of(fit.noise)
     point = problem.point(fit.model.vector, problem.logs_of(fit.noise))
     stretches = problem.stretch_of_row
     return {
@@ -164,6 +164,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"  {one.path}: {factor * one.value:.4g} {unit} ({low:.4g} to {high:.4g})")
     for name, (size, tau) in fit.noise.process.items():
         print(f"  acceleration of {name}: {size:.3g} over {tau:.0f} s")
+    for period, pushes in fit.noise.swell.items():
+        for name, (size, tau) in pushes.items():
+            print(f"  waves of {period:.1f} s push {name}: {size:.3g}, in phase for {tau:.0f} s")
+    for period, errors in fit.noise.lasting.items():
+        told = f" with a period of {period:.1f} s" if period else ""
+        for name, (size, tau) in errors.items():
+            print(f"  errors of {name} that last{told}: {size:.3g} over {tau:.0f} s")
     for name, value in coloured(fit).items():
         print(f"  prediction errors of {name}: correlation from sample to sample {value:.2f}")
     return 0

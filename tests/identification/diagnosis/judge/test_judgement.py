@@ -16,11 +16,12 @@ from identification.diagnosis.judge.judgement import (
     verdict_of,
 )
 from identification.diagnosis.log.parts import parts_of
-from identification.diagnosis.search import remainder
 from identification.diagnosis.search.dependence import Dependence
-from identification.diagnosis.search.remainder import Left, comes_in_bursts, is_coloured, what_is_left
+from identification.diagnosis.search.remainder import Left, comes_in_bursts, what_is_left
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.missions import run_mission
+from identification.fit import coloured
+from identification.fit.coloured import is_coloured
 from identification.fit.validation import FreeRuns, whiteness
 from tests.identification.diagnosis.stand_ins import point_of
 from tests.identification.gliders import QUICK
@@ -86,15 +87,20 @@ def test_white_errors_are_flagged_as_seldom_as_is_said():
     assert 0 < bursts <= binom.isf(1e-4, count, LEFT)
 
 
+def nothing(point) -> np.ndarray:
+    """What starts of stretches can do to errors that nothing was fitted to."""
+    return np.zeros((point.errors.size, 0))
+
+
 @pytest.mark.parametrize("channels, flagged", [(1, True), (2, False)])
 def test_channels_share_the_probability_of_a_false_flag(channels, flagged, monkeypatch):
     near = SimpleNamespace(p_value=0.7 * LEFT, correlation=np.full(15, 0.1))
-    monkeypatch.setattr(remainder, "whiteness", lambda *_, **__: near)
+    monkeypatch.setattr(coloured, "whiteness", lambda *_, **__: near)
     names, shape = tuple("abc"[:channels]), (100, channels)
     problem = SimpleNamespace(
-        channels=names, stretch_of_row=np.zeros(100, dtype=int), finite=np.ones(shape, dtype=bool)
+        channels=names, stretch_of_row=np.zeros(100, dtype=int), finite=np.ones(shape, dtype=bool), start_basis=nothing
     )
-    bench = SimpleNamespace(problem=problem, fitted_basis=lambda state: np.zeros((*shape, 0)))
+    bench = SimpleNamespace(problem=problem)
     errors = np.random.default_rng(4).standard_normal(shape)
     state = SimpleNamespace(point=point_of(np.zeros(100), errors=errors), paths=())
     assert bool(what_is_left(bench, state)) is flagged
@@ -103,9 +109,10 @@ def test_channels_share_the_probability_of_a_false_flag(channels, flagged, monke
 def test_what_is_left_is_said_by_channel():
     (white, slow), stretch = white_and_slow(), np.repeat(np.arange(400), 50)
     seen = np.ones((20_000, 2), dtype=bool)
-    problem = SimpleNamespace(channels=("depth_m", "heading_rad"), stretch_of_row=stretch, finite=seen)
+    names = ("depth_m", "heading_rad")
+    problem = SimpleNamespace(channels=names, stretch_of_row=stretch, finite=seen, start_basis=nothing)
     errors = np.stack([white, white + slow], axis=1)
-    bench = SimpleNamespace(problem=problem, fitted_basis=lambda state: np.zeros((20_000, 2, 0)))
+    bench = SimpleNamespace(problem=problem)
     state = SimpleNamespace(point=point_of(np.zeros(20_000), errors=errors), paths=())
     found = what_is_left(bench, state)
     assert found == Left(("heading_rad",))
@@ -122,8 +129,9 @@ def test_a_filter_that_is_lost_leaves_everything():
 
 def test_errors_that_come_in_bursts_are_left():
     (white, slow), stretch = white_and_slow(), np.repeat(np.arange(400), 50)
-    problem = SimpleNamespace(channels=("r_radps",), stretch_of_row=stretch, finite=np.ones((20_000, 1), dtype=bool))
-    bench = SimpleNamespace(problem=problem, fitted_basis=lambda state: np.zeros((20_000, 1, 0)))
+    seen = np.ones((20_000, 1), dtype=bool)
+    problem = SimpleNamespace(channels=("r_radps",), stretch_of_row=stretch, finite=seen, start_basis=nothing)
+    bench = SimpleNamespace(problem=problem)
     errors = (white * (1.0 + 0.5 * slow))[:, None]
     state = SimpleNamespace(point=point_of(np.zeros(20_000), errors=errors), paths=())
     assert what_is_left(bench, state) == Left(bursts=("r_radps",))
@@ -134,8 +142,9 @@ def test_colour_is_that_from_reading_to_reading():
     white, slow = white_and_slow()
     errors, seen = np.zeros((100_000, 1)), np.zeros((100_000, 1), dtype=bool)
     errors[::5, 0], seen[::5] = white + np.sqrt(0.05) * slow, True
-    problem = SimpleNamespace(channels=("depth_m",), stretch_of_row=np.repeat(np.arange(200), 500), finite=seen)
-    bench = SimpleNamespace(problem=problem, fitted_basis=lambda state: np.zeros((100_000, 1, 0)))
+    stretch = np.repeat(np.arange(200), 500)
+    problem = SimpleNamespace(channels=("depth_m",), stretch_of_row=stretch, finite=seen, start_basis=nothing)
+    bench = SimpleNamespace(problem=problem)
     state = SimpleNamespace(point=point_of(np.zeros(100_000), errors=errors), paths=())
     assert what_is_left(bench, state) == Left(("depth_m",))
 

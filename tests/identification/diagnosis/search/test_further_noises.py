@@ -11,13 +11,15 @@ from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
 from identification.deciding import COST
 from identification.diagnosis import as_json, diagnose
-from identification.diagnosis.search import further_noises
 from identification.diagnosis.search.further_noises import with_further_noises
-from identification.diagnosis.search.remainder import coloured_channels, what_is_left
-from identification.diagnosis.search.swell import period_of_swell
+from identification.diagnosis.search.remainder import what_is_left
 from identification.diagnosis.search.workbench import State, Workbench
+from identification.fit import further_noises, greybox
+from identification.fit.coloured import coloured_channels
+from identification.fit.greybox import GreyBox
 from identification.fit.noises import Noise
 from identification.fit.prediction_errors import PredictionErrors
+from identification.fit.swell import period_of_swell
 from scripts.blind import own_cruise
 from scripts.blind.own_cruise import cruised
 from scripts.studies.driven import CASES, truth_of
@@ -145,6 +147,17 @@ def test_waves_alone_are_looked_for_before_a_search(pushed, monkeypatch):
     assert with_further_noises(bench, [state], waves_alone=True) == (bench, [state])
 
 
+@pytest.mark.parametrize("push", [0.0, PUSH])
+def test_a_grey_box_tells_a_swell_beside_which_a_record_is_likelier(push, monkeypatch):
+    box, log = GreyBox(replace(GLIDER, dt=1.0), [OFFSET], window=200.0), log_of(push)
+    fit = box.fit(log)
+    assert [period == pytest.approx(PERIOD, rel=0.05) for period in fit.noise.swell] == [True] * (push > 0.0)
+    low, high = fit[OFFSET].ci95
+    assert low < SIZE < high
+    monkeypatch.setattr(greybox, "further_noises", lambda *_: [])
+    assert (fit.log_likelihood > box.fit(log).log_likelihood + 20.0) is (push > 0.0)
+
+
 def test_one_that_brings_less_than_it_costs_is_not_taken(pushed, monkeypatch):
     bench, state = pushed
     monkeypatch.setattr(further_noises, "coloured_channels", lambda *_: ())  # the swell alone
@@ -216,7 +229,8 @@ def test_what_swings_in_one_velocity_alone_is_no_swell(pushed, monkeypatch):
     monkeypatch.setattr(further_noises, "period_of_swell", lambda *_: taken.append(1))
     assert with_further_noises(bench, [state]) == (bench, [state])
     assert not taken
-    assert further_noises._pruned(bench, state, (bench.problem.velocities, (), PERIOD)) is None
+    added = (bench.problem.velocities, (), PERIOD)
+    assert further_noises._pruned(bench.problem, state.plant, state.paths, state.point, added) is None
 
 
 @pytest.fixture(scope="module")
@@ -226,7 +240,7 @@ def wandering():
 
 def test_what_lasts_of_a_compass_s_errors_is_found_beside_a_gyro(wandering):
     bench, state = wandering
-    assert coloured_channels(bench, state)
+    assert coloured_channels(bench.problem, state.point)
     other, (found,) = with_further_noises(bench, [state])
     ((size, time),) = other.problem.noise_at(found.point).lasting[0.0].values()
     assert size == pytest.approx(0.03, rel=0.4)  # a thousand rows hold some fifteen of its correlation times

@@ -1,0 +1,30 @@
+"""Which channels have prediction errors that are surely not white."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.deciding import EXCESS, LEFT
+from identification.fit.followed import Point
+from identification.fit.prediction_errors import PredictionErrors
+from identification.fit.validation import whiteness
+
+
+def coloured_channels(problem: PredictionErrors, point: Point) -> tuple[str, ...]:
+    """The channels whose errors are surely not white."""
+    basis, level = problem.start_basis(point), LEFT / len(problem.channels)
+    fitted = basis.reshape(*point.errors.shape, basis.shape[1])
+    found = []
+    for c, (name, seen) in enumerate(zip(problem.channels, problem.finite.T, strict=True)):
+        if is_coloured(point.errors[seen, c], problem.stretch_of_row[seen], fitted[seen, c], level):
+            found.append(name)
+    return tuple(found)
+
+
+def is_coloured(error: np.ndarray, stretch: np.ndarray, fitted: np.ndarray, level: float) -> bool:
+    """Whether errors are surely not white, and their colour would predict more than `EXCESS` of them.
+
+    fitted: (n, q), orthonormal columns of what was fitted.  level: probability of a yes where there is no colour.
+    """
+    white = whiteness(error, stretch, fitted=fitted)
+    return white.p_value < level and float((white.correlation**2).sum()) > EXCESS
