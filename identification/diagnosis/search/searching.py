@@ -60,8 +60,8 @@ class _Chosen:
 def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searched:
     """What a search finds, beside waves from the beginning where the errors show any before it, which saves one search.
 
-    Unless they come to nothing beside what was found, or nothing was found beside them: an effect that makes the
-    vehicle swing may have looked like waves.  Effects then come first.
+    Unless they come to nothing beside what was found, nothing was found beside them, or something else is left: an
+    effect that makes the vehicle swing, or a sensor that does, may have looked like waves.  Effects then come first.
     """
     if not log.slipped:
         progress(0.04, "looking for waves")
@@ -73,10 +73,10 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
 
 
 def _beside_waves(found: Searched) -> bool:
-    """Whether effects were found, and waves push the vehicle beside them."""
+    """Whether effects were found, and waves push the vehicle beside them, and nothing else is left."""
     noise = found.known.bench.problem.noise_at(found.state.point)
     waves = any(len(pushed) >= LEAST_OF_SWELL for pushed in noise.swell.values())
-    return waves and any(made.chosen is not None for made in found.rounds)
+    return waves and not found.left and any(made.chosen is not None for made in found.rounds)
 
 
 def _sought(log: CheckedLog, known: Known, progress: Progress, sought: Collection[str] = ()) -> Searched:

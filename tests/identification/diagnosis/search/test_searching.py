@@ -165,21 +165,23 @@ def test_further_noises_are_looked_for_also_where_there_was_no_time_for_a_furthe
 
 
 @pytest.mark.parametrize(
-    "swell, found_one, kept",
+    "swell, found_one, left, kept",
     [
-        ({}, True, False),
-        ({6.0: ["w_mps"]}, True, False),
-        ({6.0: ["v_mps", "w_mps"]}, True, True),
-        ({6.0: ["v_mps", "w_mps"]}, False, False),
+        ({}, True, False, False),
+        ({6.0: ["w_mps"]}, True, False, False),
+        ({6.0: ["v_mps", "w_mps"]}, True, False, True),
+        ({6.0: ["v_mps", "w_mps"]}, False, False, False),
+        ({6.0: ["v_mps", "w_mps"]}, True, True, False),
     ],
 )
 def test_waves_that_show_before_a_search_are_there_throughout_unless_it_explains_them(
-    turning, monkeypatch, swell, found_one, kept
+    turning, monkeypatch, swell, found_one, left, kept
 ):
     """One search beside them then, and none without; what makes a vehicle swing may look like waves at first."""
     (log, known), searched = turning, []
     other = replace(known)
     monkeypatch.setattr(searching, "candidates_of", lambda *given: candidates_of(*given) if found_one else [])
+    monkeypatch.setattr(searching, "what_is_left", lambda *_: Left(("heading_rad",)) if left else Left())
 
     def selecting(bench, *arguments):
         searched.append(bench)
