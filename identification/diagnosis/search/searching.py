@@ -63,11 +63,11 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
     Unless they come to nothing beside what was found, nothing was found beside them, or something else is left: an
     effect that makes the vehicle swing, or a sensor that does, may have looked like waves.  Effects then come first.
     """
-    if not log.slipped:
-        progress(0.04, "looking for waves")
-        noisier = known.with_waves()
-        found = known if noisier is known else _sought(log, noisier, progress)
-        if isinstance(found, Searched) and _beside_waves(found):
+    progress(0.04, "looking for waves")
+    noisier = known if log.slipped else known.with_waves()
+    if noisier is not known:
+        found = _sought(log, noisier, progress)
+        if _beside_waves(found):
             return found
     return _sought(log, known, progress)
 
