@@ -58,18 +58,22 @@ class _Chosen:
 
 
 def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searched:
-    """What a search finds, beside waves from the beginning where the errors show any before it, which saves one search.
+    """What a search finds, beside waves from the beginning where that suffices, else with effects first."""
+    return _in_waves(log, known, progress) or _sought(log, known, progress)
 
-    Unless they come to nothing beside what was found, nothing was found beside them, or something else is left: an
-    effect that makes the vehicle swing, or a sensor that does, may have looked like waves.  Effects then come first.
+
+def _in_waves(log: CheckedLog, known: Known, progress: Progress) -> Searched | None:
+    """What a search finds beside waves that the errors show before it, which saves one search; None where none do.
+
+    And where they come to nothing beside what was found, nothing was found beside them, or something else is left: an
+    effect that makes the vehicle swing, or a sensor that does, may have looked like waves.
     """
     progress(0.04, "looking for waves")
     noisier = known if log.slipped else known.with_waves()
-    if noisier is not known:
-        found = _sought(log, noisier, progress)
-        if _beside_waves(found):
-            return found
-    return _sought(log, known, progress)
+    if noisier is known:
+        return None
+    found = _sought(log, noisier, progress)
+    return found if _beside_waves(found) else None
 
 
 def _beside_waves(found: Searched) -> bool:
