@@ -66,12 +66,13 @@ def begun_beside(problem: PredictionErrors, point: Point, paths: Sequence[str]) 
 
 def _kinds(problem: PredictionErrors, point: Point, waves_alone: bool) -> list[Added]:
     """The noises that the errors of a point may be due to."""
-    kinds = list[Added]()
-    coloured = [problem.channels.index(name) for name in coloured_channels(problem, point)]
-    if np.unique(problem.periods).size <= MOST_SWELLS and (period := period_of_swell(problem, point)):
-        kinds += [(problem.velocities, (), period), *([((), coloured, period)] if coloured else [])]
+    period = period_of_swell(problem, point) if np.unique(problem.periods).size <= MOST_SWELLS else None
+    kinds: list[Added] = [(problem.velocities, (), period)] if period else []
     if waves_alone:
-        return kinds[:1]
+        return kinds
+    coloured = [problem.channels.index(name) for name in coloured_channels(problem, point)]
+    if period and coloured:
+        kinds.append(((), coloured, period))
     known = {problem.pushed[d] for d in np.flatnonzero(problem.misread & ~problem.swells)}
     lasting = [c for c in coloured if problem.channels[c] not in known]
     return [*kinds, ((), lasting, 0.0)] if lasting else kinds

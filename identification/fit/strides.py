@@ -40,8 +40,7 @@ def stride_for(
     doubt: float = np.inf,
     process: bool = True,
 ) -> int:
-    """The most samples to a row at which no parameter's variance grows by more than `MOST_LOST`, or an effect's by
-    `MOST_OF_EFFECTS`.
+    """The most samples to a row at which no parameter's variance grows by more than `MOST_LOST` or `MOST_OF_EFFECTS`.
 
     By more only where a record is so long that it shows an effect all the same, or of more rows than `MOST_ROWS`, which
     no fit would come to the end of.
