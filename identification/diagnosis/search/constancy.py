@@ -85,9 +85,13 @@ def steadiness(
     one above it takes noises for known exactly.
     """
     count = len(paths) if tried is None else tried
-    courses, forms = _divisions(bench, paths, not set(paths).isdisjoint(state.paths))
-    best, chance, _, found = _changed(bench, state, forms, courses, level / count, quietly, False)
-    return Steadiness(best, min(count * chance, 1.0), _apart(state, found, best, forms[best]))
+
+    def found() -> Steadiness:
+        courses, forms = _divisions(bench, paths, not set(paths).isdisjoint(state.paths))
+        best, chance, _, changing = _changed(bench, state, forms, courses, level / count, quietly, False)
+        return Steadiness(best, min(count * chance, 1.0), _apart(state, changing, best, forms[best]))
+
+    return bench.once(state, ("steadiness", *paths, quietly, count, level), found)
 
 
 def _divisions(

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -25,6 +26,8 @@ from identification.fit.sensitivities import LEAST_GAIN
 from identification.fit.steps import brisk, suited
 from identification.fit.strides import stride_for
 from identification.fit.validation import free_runs
+
+T = TypeVar("T")
 
 ITERATIONS = 12  # of a trial's fit
 TRIAL_GAIN = 0.1  # of the log-likelihood, that a turn of a trial's fit must bring: a tie is 4.5 wide
@@ -86,10 +89,14 @@ class Workbench:
     def _begin(self) -> None:
         """Start to count the work, with nothing known of any state."""
         self._most, self.unfinished = self.problem.work.done + MOST_WORK, list[str]()
-        self._by_part: WeakKeyDictionary[State, ByPart] = WeakKeyDictionary()
-        self._told: WeakKeyDictionary[State, Information] = WeakKeyDictionary()
-        self._as_given: WeakKeyDictionary[State, tuple[State, ...]] = WeakKeyDictionary()
-        self._quieted: WeakKeyDictionary[State, tuple[State, ...]] = WeakKeyDictionary()
+        self._known: WeakKeyDictionary[State, dict[Hashable, Any]] = WeakKeyDictionary()
+
+    def once(self, state: State, question: Hashable, work: Callable[[], T]) -> T:
+        """What is worked out of a state, which is kept as long as the state is."""
+        known = self._known.setdefault(state, {})
+        if question not in known:
+            known[question] = work()
+        return known[question]
 
     def in_suited_steps(self, state: State) -> Workbench:
         """A bench in shorter steps of integration if the present ones move the filter of a state, else itself."""
@@ -150,11 +157,13 @@ class Workbench:
 
     def with_given(self, state: State) -> tuple[State, ...]:
         """The state with its coefficients as the vehicle was given, if the fit has taken one of them far from there."""
-        if state not in self._as_given:
+
+        def found() -> tuple[State, ...]:
             plant = self._put_back(state)
-            found = [] if plant is None else [self._renewed_at(plant, state)]
-            self._as_given[state] = tuple(one for one in found if one.finite)
-        return self._as_given[state]
+            there = [] if plant is None else [self._renewed_at(plant, state)]
+            return tuple(one for one in there if one.finite)
+
+        return self.once(state, "as given", found)
 
     def _put_back(self, state: State) -> Plant | None:
         """The vehicle of a state with its coefficients as given, None if the fit has taken none of them far away.
@@ -215,13 +224,15 @@ class Workbench:
         problem = self.problem
         if not problem.pushed:
             return ()
-        if state not in self._quieted:
+
+        def found() -> tuple[State, ...]:
             lasting = problem.lasting(state.point)
             brief, swell = problem.pushes(state.point) & ~lasting, problem.swelling(state.point)
             kinds = [None, *[lasting] * bool(lasting.any() and brief.any()), *[swell] * bool(swell.any())]
-            found = [problem.quieted(state.point, which) for which in kinds]
-            self._quieted[state] = tuple(State(state.plant, state.paths, p, True) for p in found if p is not None)
-        return self._quieted[state]
+            there = [problem.quieted(state.point, which) for which in kinds]
+            return tuple(State(state.plant, state.paths, p, True) for p in there if p is not None)
+
+        return self.once(state, "quieted", found)
 
     def worth(self, state: State, paths: Sequence[str]) -> float:
         """The evidence for some of a state's paths, all else refitted to second order, but for the noises."""
@@ -259,9 +270,9 @@ class Workbench:
 
     def by_part(self, state: State) -> ByPart:
         """What each part tells of what a state has fitted."""
-        if state not in self._by_part:
-            self._by_part[state] = told_by_part(self._scaled(state), state.point, state.paths, self.parts)
-        return self._by_part[state]
+        return self.once(
+            state, "by part", lambda: told_by_part(self._scaled(state), state.point, state.paths, self.parts)
+        )
 
     def _scaled(self, state: State) -> PredictionErrors:
         """The problem with scales of what a state has fitted and the vehicle has none for: terms, by their size."""
@@ -310,9 +321,7 @@ class Workbench:
         )
 
     def _information(self, state: State) -> Information:
-        if state not in self._told:
-            self._told[state] = information_of(self.problem, state.point, state.paths)
-        return self._told[state]
+        return self.once(state, "information", lambda: information_of(self.problem, state.point, state.paths))
 
     def costs(self, state: State) -> np.ndarray:
         """Minus twice the objective in each of `BLOCKS` equal times of the record, (B,); what is known shared out."""

@@ -112,6 +112,17 @@ def test_a_change_has_no_evidence_by_noises_that_would_suit_the_vehicle_without_
     assert steadiness(bench, left, [OFFSET]).probability > 0.01
 
 
+def test_what_is_asked_twice_of_a_state_is_worked_out_once():
+    """By the verdict and by the report; another question, or of another state, is worked out by itself."""
+    bench, state = fitted(300.0)
+    first, work = steadiness(bench, state, [OFFSET]), bench.problem.work.done
+    assert steadiness(bench, state, [OFFSET]) == first
+    assert bench.problem.work.done == work
+    assert steadiness(bench, state, [OFFSET], tried=2).probability != first.probability
+    assert steadiness(bench, replace(state), [OFFSET]) == first
+    assert bench.problem.work.done > work
+
+
 def moved_slowly(seed, size=1.0, time=100.0):
     """The bench and the state of a log with a random yaw moment: so many probes, this correlation time, s."""
     plant, rng, times = load_vehicle("slocum"), np.random.default_rng(seed), np.arange(0.0, 700.0, 4.0)
@@ -130,7 +141,7 @@ def test_slow_random_moments_are_no_contradiction_between_parts(monkeypatch):
     bench, state = moved_slowly(3)
     assert steadiness(bench, state, [MOMENT]).probability > UNSTEADY
     monkeypatch.setattr(constancy, "freedom_of", lambda *_: np.inf)
-    assert steadiness(bench, state, [MOMENT]).probability < UNSTEADY
+    assert steadiness(bench, replace(state), [MOMENT]).probability < UNSTEADY
 
 
 def test_what_accelerations_cost_is_no_evidence_for_a_change(monkeypatch):
@@ -253,7 +264,7 @@ def test_changes_of_coefficients_are_seen_as_well_by_responses(monkeypatch):
     itself = steadiness(bench, state, own, quietly=False)
     between = work.done
     monkeypatch.setattr(sensitivities, "_MANY", 2)
-    soon = steadiness(bench, state, own, quietly=False)
+    soon = steadiness(bench, replace(state), own, quietly=False)
     assert itself.probability > UNSTEADY
     assert soon.path == itself.path
     assert soon.probability == pytest.approx(itself.probability, rel=0.05)

@@ -3,7 +3,6 @@
 from copy import copy
 from dataclasses import replace
 from types import SimpleNamespace
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import pytest
@@ -127,7 +126,7 @@ def test_what_lasts_and_a_swell_are_taken_for_weaker_by_themselves_beside_what_i
         swelling=lambda point: masks[2],
         quieted=quieted,
     )
-    bench = SimpleNamespace(problem=problem, _quieted=WeakKeyDictionary())
+    bench = SimpleNamespace(problem=problem, once=lambda state, question, work: work())
     bases = Workbench.quieted(bench, state_of(PLANT))
     assert found == asked
     assert len(bases) == len(asked)
