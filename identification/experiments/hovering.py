@@ -57,6 +57,7 @@ def hover(
     compass_noise: float = radians(0.5),
     depth_noise: float = 0.02,
     noise: float = 1.0,
+    under_way: Any = None,
 ) -> Record:
     """A record of a vehicle with thrusters under random telegraph signals.
 
@@ -68,7 +69,7 @@ def hover(
     1 / frequency of the quickest loop.  axes: that are excited in closed loop, default all that the thrusters serve
     and that something measured shows.  measured: "all", "depth" (attitude, rates and depth) or "attitude" (and rates);
     what is not measured, nothing steers.  Noises are white, standard deviations: compass_noise rad, depth_noise m; and
-    `noise` times as large, as those of all sensors.
+    `noise` times as large, as those of all sensors.  under_way: what moves in the plant's place.
     All is drawn before the run: one seed is one experiment, whatever the plant's effects.  Beside the commands, the
     record has the wrench that they make of thrusters without effects (`surge_N` to `yaw_Nm`), which is what a linear
     model of the motion is driven by.  Raises ValueError, Diverged.
@@ -99,7 +100,7 @@ def hover(
         controller = _open_loop(steered, amplitude, settings)
     sizes = _noise(outputs, compass_noise, depth_noise)
     errors = noise * np.array([sizes[name] for name in outputs]) * rng.standard_normal((n, len(outputs)))
-    channels = _run(plant, controller, wanted, time, outputs, errors, start)
+    channels = _run(under_way or plant, controller, wanted, time, outputs, errors, start)
     pushes = np.array([steered.thrusters.thrusts(row) for row in np.stack([channels[c] for c in steered.commands]).T])
     channels |= dict(zip(AXES, (pushes @ steered.allocation.matrix.T).T, strict=True))
     attrs: dict[str, Any] = {"source": "simulated", "vehicle": plant.name, "loop": loop, "dwell_s": seconds}

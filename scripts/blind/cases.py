@@ -15,6 +15,7 @@ from auv_gym.records.record import Record
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import TOGETHER, Candidate, candidates_of, screen
+from identification.fit.followed import Point
 from identification.fit.prediction_errors import PredictionErrors
 from scripts.blind.kinds import effects_of, kind_of, known, log_of, outside_log
 from scripts.blind.logs import Conditions
@@ -180,21 +181,38 @@ def detectable_sizes(plant: Plant, clean: Record, paths: list[str]) -> dict[str,
 
     Infinite where none would, as of what acts as a coefficient does; in the parameter's unit.
     """
-    clean = described(plant, clean)
-    pieces = [piece for part in parts_of(plant, clean) for piece in part]
-    problem = PredictionErrors(plant, clean, pieces, doubt=WRONG)
-    point = problem.solve(plant, plant.family.coefficients)
-    bar = threshold(len(candidates_of(plant, clean)))
-    sizes = {}
-    for path in paths:
-        if plant.twins.get(path) in plant.doubted:
-            sizes[path] = np.inf
-            continue
-        fitted = [*plant.doubted, *(p for p in paths if p != path)]
-        candidate = Candidate(spec_at(plant, path).title, (path,))
-        (found,) = screen(problem, point, fitted, [candidate], bar)
-        sizes[path] = float(found.detectable[0])
-    return sizes
+    return Clean.of(plant, clean).detectable(paths)
+
+
+@dataclass(frozen=True, eq=False)
+class Clean:
+    """A log without effects, the fit of its vehicle's coefficients, and the bar of its candidates."""
+
+    plant: Plant
+    problem: PredictionErrors
+    point: Point
+    bar: float
+
+    @classmethod
+    def of(cls, plant: Plant, clean: Record) -> Clean:
+        clean = described(plant, clean)
+        pieces = [piece for part in parts_of(plant, clean) for piece in part]
+        problem = PredictionErrors(plant, clean, pieces, doubt=WRONG)
+        point = problem.solve(plant, plant.family.coefficients)
+        return cls(plant, problem, point, threshold(len(candidates_of(plant, clean))))
+
+    def detectable(self, paths: list[str]) -> dict[str, float]:
+        """See `detectable_sizes`."""
+        plant, sizes = self.plant, dict[str, float]()
+        for path in paths:
+            if plant.twins.get(path) in plant.doubted:
+                sizes[path] = np.inf
+                continue
+            fitted = [*plant.doubted, *(p for p in paths if p != path)]
+            candidate = Candidate(spec_at(plant, path).title, (path,))
+            (found,) = screen(self.problem, self.point, fitted, [candidate], self.bar)
+            sizes[path] = float(found.detectable[0])
+        return sizes
 
 
 def _same(one: Record, other: Record) -> bool:

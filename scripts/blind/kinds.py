@@ -11,7 +11,7 @@ import numpy as np
 from auv_gym.param import list_paths, spec_at
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.record import Record
-from scripts.blind.changing import At, ChangingGlider, ChangingSwim
+from scripts.blind.changing import At, Changing, ChangingSwim, ChangingTorpedo
 from scripts.blind.logs import (
     Conditions,
     dive_settings,
@@ -110,7 +110,7 @@ _KINDS = (
         ("drag", "side", "fin", "clock"),
         60.0,
         hidden={"effects.clock.delay": _ONE_COMMAND},
-        changing=ChangingGlider,
+        changing=Changing.glider,
     ),
     Kind(
         "float_piston",
@@ -124,8 +124,10 @@ _KINDS = (
     ),
     Kind("float_oil", sea_log, sea_outside, ("drag", "tether", "clock"), 2e4, dive_settings, _HIDDEN_AT_SEA),
     Kind("glide", yo_log, yo_outside, ("layer", "clock"), 1800.0, hidden=_HIDDEN_IN_FLIGHT),
-    Kind("body", torpedo_log, torpedo_outside, ("drag", "side", "tether", "fin", "clock"), 25.0),
-    Kind("hover", hover_log, hover_outside, ("clock",), 15.0),
+    Kind(
+        "body", torpedo_log, torpedo_outside, ("drag", "side", "tether", "fin", "clock"), 25.0, changing=ChangingTorpedo
+    ),
+    Kind("hover", hover_log, hover_outside, ("clock",), 15.0, changing=Changing),
 )
 KINDS = {kind.family: kind for kind in _KINDS}
 

@@ -18,6 +18,7 @@ from identification.experiments.glider_dives import yo_mission
 from identification.experiments.heading_control import closed_loop
 from identification.experiments.hovering import hover
 from identification.experiments.manoeuvres import NOISE, steer
+from scripts.blind.own_torpedo import manoeuvred
 
 _COMPASS, _TRACK = radians(0.5), 1.0  # rad, m
 _LAKE_DEPTH, _SEA_DEPTH = 0.02, 0.1  # m, noise of a float's pressure sensor; a torpedo's is the first
@@ -52,7 +53,7 @@ def dive_settings(rng: np.random.Generator) -> dict[str, Any]:
     return {"target_depths": rng.permutation(np.linspace(300.0, 1500.0, 8)).tolist()}
 
 
-# Each takes what moves in the plant's place: a glider that steps, or what starts a float (`under_way`).
+# Each takes what moves in the plant's place, as `scripts.blind.changing` makes it.
 
 
 def glider_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, moving: Any = None) -> Record:
@@ -117,16 +118,18 @@ def sea_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, movi
 
 
 def torpedo_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, moving: Any = None) -> Record:
-    """Manoeuvres of a torpedo, whose place nothing takes."""
-    sensors = {f"effects.sampling.{sensor}.noise": size for sensor, size in torpedo_noise(conditions.noise).items()}
-    excitation = torpedo_excitation(conditions.excitation)
+    """Manoeuvres of a torpedo."""
+    noise, excitation = torpedo_noise(conditions.noise), torpedo_excitation(conditions.excitation)
+    if moving is not None:
+        return manoeuvred(plant, moving, rng, conditions.duration, excitation, noise)
+    sensors = {f"effects.sampling.{sensor}.noise": size for sensor, size in noise.items()}
     record = steer(replace_at(plant, sensors), rng=rng, duration=conditions.duration, excitation=excitation)
     names = [name for name in record.names if not name.startswith("excitation_") and name != "pitch_cmd_rad"]
     return plain(record, names)
 
 
 def hover_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, moving: Any = None) -> Record:
-    """A vehicle with thrusters, whose place nothing takes: following steps, or unsteered without a measured place."""
+    """A vehicle with thrusters: following steps, or unsteered without a measured place."""
     steered = conditions.measured == "all"
     record = hover(
         plant,
@@ -136,6 +139,7 @@ def hover_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, mo
         amplitude=conditions.excitation * (_WRENCH if steered else _THRUSTERS),
         measured=conditions.measured,
         noise=conditions.noise,
+        under_way=moving,
     )
     return plain(record, [n for n in record.names if not n.startswith("excitation_") and not n.endswith(("_N", "_Nm"))])
 

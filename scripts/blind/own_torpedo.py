@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
+from typing import Protocol
 
 import numpy as np
 
@@ -42,24 +43,47 @@ def own_manoeuvres(
     noise: Mapping[str, float],
 ) -> Record:
     """A record as `steer` makes one; noise: standard deviation by sensor.  Raises ValueError where it is cut short."""
+    return manoeuvred(plant, Body(Hull.of(plant), around), rng, duration, excitation, noise)
+
+
+class Moving(Protocol):
+    """What follows manoeuvres in the place of a torpedo."""
+
+    def start(self, states: np.ndarray) -> np.ndarray:
+        """The state x at the beginning, at the vehicle's first twelve."""
+
+    def reading(self, x: np.ndarray, time: float) -> dict[str, float]:
+        """What the sensors give without noise."""
+
+    def onward(self, x: np.ndarray, told: np.ndarray, time: float, duration: float) -> np.ndarray:
+        """The state `duration` s later, the vehicle's twelve first; told: rudder, plane, propulsion."""
+
+
+def manoeuvred(
+    plant: Plant,
+    body: Moving,
+    rng: np.random.Generator,
+    duration: float,
+    excitation: float,
+    noise: Mapping[str, float],
+) -> Record:
+    """A record of what moves in a torpedo's place, see `own_manoeuvres`."""
     drawn = draw_manoeuvres(plant, rng, duration, excitation)
     names = steered(plant)
     limits = command_limits(plant)[[plant.inputs.index(name) for name in names]]
     controller = Excited(autopilot(plant), drawn.signals, plant.dt)
-    body, memory, rows = Body(Hull.of(plant), around), controller.start(), []
-    x = np.zeros(19)
-    x[:12] = find_cruise(plant).state[:12]
-    x[0], x[8], x[11] = drawn.start["u_mps"], drawn.start["depth_m"], drawn.start["heading_rad"]
+    memory, rows = controller.start(), []
+    first = np.array(find_cruise(plant).state[:12])
+    first[0], first[8], first[11] = drawn.start["u_mps"], drawn.start["depth_m"], drawn.start["heading_rad"]
+    x = body.start(first)
     deviations = np.array([noise[sensor] for sensor, outputs in SENSORS.items() for _ in outputs])
     for k, time in enumerate(drawn.time):
-        true = body.reading(x)
+        true = body.reading(x, float(time))
         seen = dict(zip(true, np.array(list(true.values())) + deviations * rng.standard_normal(len(true)), strict=True))
         wanted = {name: float(values[k]) for name, values in drawn.wanted.items()}
         command, memory = controller.act(memory, {**seen, "dt_s": plant.dt}, wanted)
         told = np.clip([command[name] for name in names], -limits, limits)
         rows.append([*seen.values(), *told, *wanted.values()])
-        if k == 0:
-            x[12:15], x[15] = told, told[0]
         x = body.onward(x, told, float(time), plant.dt)
         if not np.isfinite(x).all() or abs(x[10]) > 1.4 or x[8] < 0.0:
             raise ValueError(f"The run of {plant.name} was cut short after {time:g} s: lower the disturbance.")
@@ -80,7 +104,11 @@ class Body:
     hull: Hull
     around: Around
 
-    def reading(self, x: np.ndarray) -> dict[str, float]:
+    def start(self, states: np.ndarray) -> np.ndarray:
+        """The state at the beginning, with actuators that have been told nothing yet."""
+        return np.r_[states, np.full(4, np.nan), np.zeros(3)]
+
+    def reading(self, x: np.ndarray, time: float) -> dict[str, float]:
         """What the sensors give without noise."""
         values = [x[9], x[10], x[11], *x[3:6], *x[:3], *x[:3], x[6], x[7], x[8]]
         return dict(zip((name for outputs in SENSORS.values() for name in outputs), map(float, values), strict=True))
@@ -88,6 +116,8 @@ class Body:
     def onward(self, x: np.ndarray, told: np.ndarray, time: float, duration: float) -> np.ndarray:
         """The state `duration` s later."""
         x, h, target = x.copy(), duration / _SUBSTEPS, told.copy()
+        if np.isnan(x[12]):  # they begin where they are told to be
+            x[12:15], x[15] = told, told[0]
         for k in range(_SUBSTEPS):
             t = time + k * h
             held = told[0]

@@ -1,16 +1,17 @@
-"""Changes between missions of gliders and floats, in one of three logs, and within a log: how often they are named.
+"""Changes between missions of vehicles, in one of three logs, and within a log: how often they are named.
 
     python -m scripts.studies.changes --seeds 40 --jobs 2 --out changes
+    python -m scripts.studies.changes --case 'log: *' --vehicle npsauv --seeds 4 --jobs 2 --out onsets
 
-Vehicle, effect, noise and excitation are drawn from the seed.  Effects have 3 to 6 times the size that the part of a
-log with them would just show.
+Vehicle (a glider or a float where none is asked for), effect, noise and excitation are drawn from the seed.  Effects
+have 3 to 6 times the size that the part of a log with them would just show.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from time import perf_counter
 from typing import Any
 
@@ -26,14 +27,15 @@ from identification.changes.onset import FROM, GROWING, find_onsets
 from identification.changes.spans import BETWEEN, OUTSIDE
 from identification.diagnosis import diagnose
 from identification.fit.changing import changed
-from scripts.blind.cases import FAMILIES, PERIOD_OF, detectable_sizes
+from scripts.blind.cases import FAMILIES, PERIOD_OF, Clean
 from scripts.blind.kinds import effects_of, kind_of, known, log_of
 from scripts.blind.logs import Conditions
 from scripts.studies.harness import Found, Option, Sheet, Study
 
 VEHICLES = tuple(v for name in ("glider", "float") for v in FAMILIES[name].vehicles)
+OTHERS = (*FAMILIES["torpedo"].vehicles, *FAMILIES["rov"].vehicles)  # a log takes minutes
 MULTIPLES = (3.0, 6.0)  # of the detectable size
-DURATION = 600.0  # s, of a glider's log
+DURATION = 600.0  # s, of a log of vehicles whose blind logs have no other
 ATTEMPTS = 60
 MISSIONS = {  # whether the effect is there before and after
     "missions: the same": (False, False),
@@ -74,7 +76,9 @@ def attempt(case: str, seed: int, vehicle: str) -> dict[str, Any]:
         if not names:
             raise ValueError(f"Nothing changes within the simulated logs of {vehicle}.")
     plant = known(str(rng.choice(names)))
-    conditions = Conditions(float(rng.choice([0.5, 1.0, 2.0])), float(rng.uniform(0.7, 1.3)), DURATION)
+    length = next(group.durations for group in FAMILIES.values() if plant.name in group.vehicles)
+    duration = DURATION if length is None else float(np.mean(length))
+    conditions = Conditions(float(rng.choice([0.5, 1.0, 2.0])), float(rng.uniform(0.7, 1.3)), duration)
     work = _missions if case in MISSIONS else _several if case in SEVERAL else _onset
     return work(case, plant, conditions, rng) | {"vehicle": plant.name}
 
@@ -203,15 +207,20 @@ def drawn_effect(
     share: of the log, the last part, in which it is to show.
     """
     path = str(rng.choice([p for p in effects_of(plant.name) if p not in PERIOD_OF]))
-    clean = log_of(plant, conditions, seed)
-    last = clean.select(clean.time >= clean.time[-1] - share * (clean.time[-1] - clean.time[0]))
-    size = detectable_sizes(plant, last, [path])[path]
+    size = _clean(plant, conditions, seed, share).detectable([path])[path]
     spec = spec_at(plant, path)
     side = rng.choice([-1.0, 1.0]) if spec.bounds[0] < spec.neutral else 1.0
     value = spec.neutral + float(side * rng.uniform(*MULTIPLES) * size)
     if not spec.bounds[0] < value < spec.bounds[1]:
         raise ValueError(f"{path} shows nothing.")
     return path, replace_at(plant, path, value)
+
+
+@lru_cache(maxsize=1)
+def _clean(plant: Plant, conditions: Conditions, seed: int, share: float) -> Clean:
+    """The last part of a log without effects, so long that it is this share of it."""
+    clean = log_of(plant, conditions, seed)
+    return Clean.of(plant, clean.select(clean.time >= clean.time[-1] - share * (clean.time[-1] - clean.time[0])))
 
 
 def _told(found: Comparison, path: str, truth: list[float]) -> dict[str, Any]:
@@ -297,7 +306,7 @@ STUDY = Study(
     sheets,
     seeds=20,
     first_seed=9000,
-    options={"vehicle": Option("all", "one of them alone", choices=("all", *VEHICLES))},
+    options={"vehicle": Option("all", "one of them alone", choices=("all", *VEHICLES, *OTHERS))},
 )
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
 from identification.experiments.float_dives import oil_mission
 from identification.experiments.heading_control import closed_loop
-from scripts.blind.changing import ChangingGlider
+from scripts.blind.changing import Changing
 
 
 def test_with_takes_all_logs_that_follow():
@@ -120,7 +120,7 @@ def test_missions_without_a_change_and_a_log_without_an_onset(tmp_path, capsys):
 def test_a_monitor_raises_an_alarm_and_names_what_went_wrong(tmp_path, capsys):
     plant, out = load_vehicle("slocum"), tmp_path / "out"
     bent = replace_at(plant, "effects.rudder.offset", 0.03)
-    moving = ChangingGlider(plant, lambda t: bent if t >= 800.0 else plant)
+    moving = Changing.glider(plant, lambda t: bent if t >= 800.0 else plant)
     clean, log = str(tmp_path / "clean.nc"), str(tmp_path / "log.nc")
     closed_loop(plant, rng=np.random.default_rng(1), duration=2000.0).save(clean)
     closed_loop(moving, rng=np.random.default_rng(5), duration=1400.0).save(log)

@@ -27,6 +27,7 @@ from scripts.blind.scoring import error_ratio, score, score_folders
 from scripts.blind.sealing import log_folder, seal, truth_folder
 from scripts.blind.tables import summary, wilson
 from scripts.blind_benchmark import chosen, main, run_case
+from scripts.studies.changes import changing_log
 
 QUIET = Conditions(1.0, 1.0, 300.0)
 
@@ -69,6 +70,25 @@ def test_the_own_torpedo_is_the_plant_where_nothing_is_the_matter(vehicle):
     assert np.ptp(own["r_radps"]) > 0.005
     for i, name in enumerate(plant.outputs):  # RK4 of 0.05 s where fins lag by 0.1 s
         np.testing.assert_allclose(ran[:, i], own[name], atol=2e-4, err_msg=name)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "path", "size"), [("npsauv", "effects.rudder.offset", 0.05), ("bluerov2_heavy", "effects.t3.lost", 0.5)]
+)
+def test_what_has_an_effect_from_a_time_on_moves_as_the_vehicle_with_it_does_from_then_on(vehicle, path, size):
+    plant, quiet = load_vehicle(vehicle), Conditions(1e-9, 1.0, 20.0)
+    other = replace_at(plant, path, size)
+    without, having = (log_of(p, quiet, 0) for p in (plant, other))
+    never, always = (changing_log(plant, other, path, quiet, 0, lambda t, s=s: s) for s in (0.0, 1.0))
+    halfway = changing_log(plant, other, path, quiet, 0, lambda t: float(t >= 10.0))
+    before = halfway.time < 10.0
+    for name in ("r_radps", "u_mps", "heading_rad", "north_m"):
+        np.testing.assert_allclose(never[name], without[name], atol=1e-6, err_msg=name)
+        np.testing.assert_allclose(always[name], having[name], atol=1e-6, err_msg=name)
+        np.testing.assert_array_equal(halfway[name][before], never[name][before])
+    apart = np.abs(halfway["r_radps"] - never["r_radps"])
+    assert apart[before].max() == 0.0
+    assert apart.max() > 1e-3
 
 
 def test_causes_are_absent_at_size_zero_and_do_what_they_say():

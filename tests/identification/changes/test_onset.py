@@ -15,7 +15,7 @@ from identification.diagnosis.log.checking import Asked, check_log
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.known import Known, fit_known
 from identification.experiments.heading_control import closed_loop
-from scripts.blind.changing import ChangingGlider
+from scripts.blind.changing import Changing
 
 OFFSET = "effects.rudder.offset"
 
@@ -58,7 +58,7 @@ def test_the_search_is_repeated_beside_waves_unless_that_leads_astray(monkeypatc
 def test_a_rudder_that_goes_off_is_named_with_the_time():
     plant = load_vehicle("slocum")
     bent = replace_at(plant, OFFSET, 0.03)
-    moving = ChangingGlider(plant, lambda t: bent if t >= 400.0 else plant)
+    moving = Changing.glider(plant, lambda t: bent if t >= 400.0 else plant)
     record = closed_loop(moving, rng=np.random.default_rng(5), duration=800.0)
     found = find_onsets(record, plant)
     (only,) = found.found
@@ -93,7 +93,7 @@ def test_rivals_are_compared_at_times_of_their_own(monkeypatch, ahead, chosen, t
 def test_an_onset_is_that_of_the_rudder_and_not_of_a_moment_at_another_time():
     plant = load_vehicle("slocum")
     bent = replace_at(plant, OFFSET, 0.03)
-    moving = ChangingGlider(plant, lambda t: bent if t >= 800.0 else plant)
+    moving = Changing.glider(plant, lambda t: bent if t >= 800.0 else plant)
     record = closed_loop(moving, rng=np.random.default_rng(5), duration=1400.0)
     (found,) = find_onsets(record.between(124.0, 1208.0), plant, doubt=0.0).found
     assert (found.path, found.form) == (OFFSET, "from")
@@ -103,7 +103,7 @@ def test_an_onset_is_that_of_the_rudder_and_not_of_a_moment_at_another_time():
 def test_of_a_vehicle_with_many_states_the_times_of_the_likeliest_are_sought(monkeypatch):
     plant, screened = load_vehicle("slocum"), []
     bent, promising = replace_at(plant, OFFSET, 0.03), onset._promising
-    moving = ChangingGlider(plant, lambda t: bent if t >= 400.0 else plant)
+    moving = Changing.glider(plant, lambda t: bent if t >= 400.0 else plant)
     monkeypatch.setattr(onset, "FEW_STATES", 0)
     monkeypatch.setattr(onset, "TIMED", 2)
     monkeypatch.setattr(onset, "_promising", lambda *given: screened.append(len(given[2])) or promising(*given))
@@ -119,7 +119,7 @@ def test_of_a_vehicle_with_many_states_the_times_of_the_likeliest_are_sought(mon
 def test_an_effect_of_two_times_is_named_with_both(form):
     plant = load_vehicle("slocum")
     bent = replace_at(plant, OFFSET, 0.03)
-    moving = ChangingGlider(plant, lambda t: bent if (252.0 <= t < 520.0) == (form == "between") else plant)
+    moving = Changing.glider(plant, lambda t: bent if (252.0 <= t < 520.0) == (form == "between") else plant)
     found = find_onsets(closed_loop(moving, rng=np.random.default_rng(5), duration=800.0), plant)
     (only,) = found.found
     assert (only.path, only.form, only.steady) == (OFFSET, form, True)
@@ -134,7 +134,7 @@ def test_an_effect_of_two_times_is_named_with_both(form):
 def test_an_effect_that_has_two_sizes_has_no_form():
     plant = load_vehicle("slocum")
     sides = [replace_at(plant, OFFSET, size) for size in (0.07, 0.04)]
-    moving = ChangingGlider(plant, lambda t: sides[int(t >= 500.0)] if t >= 200.0 else plant)
+    moving = Changing.glider(plant, lambda t: sides[int(t >= 500.0)] if t >= 200.0 else plant)
     found = find_onsets(closed_loop(moving, rng=np.random.default_rng(5), duration=800.0), plant, most=1)
     (only,) = found.found
     assert (only.path, only.form, only.time, only.steady) == (OFFSET, "", None, False)

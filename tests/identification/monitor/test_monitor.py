@@ -17,7 +17,7 @@ from identification.fit.windows import stretches_of
 from identification.monitor.monitor import CONSTANT, Alarm, Monitor
 from identification.monitor.report import Watched, learned_words, watch, watched_page, watched_summary
 from identification.monitor.wrapper import Monitored
-from scripts.blind.changing import ChangingGlider
+from scripts.blind.changing import Changing
 from scripts.blind.own_cruise import PERIOD, cruised
 
 NOISE = Noise({"heading_rad": np.radians(0.5), "north_m": 1.0, "east_m": 1.0}, {})
@@ -69,7 +69,7 @@ def test_a_monitor_takes_waves_of_the_clean_log_for_noise():
 def test_an_alarm_comes_after_a_rudder_goes_off_and_none_before(slocum, clean, steady):
     monitor = Monitor.learn(clean, slocum, noise=NOISE, false_alarms_per_hour=0.01, steady=steady)
     bent = replace_at(slocum, "effects.rudder.offset", 0.03)
-    moving = ChangingGlider(slocum, lambda t: bent if t >= 2000.0 else slocum)
+    moving = Changing.glider(slocum, lambda t: bent if t >= 2000.0 else slocum)
     record = closed_loop(moving, rng=np.random.default_rng(5), duration=3000.0)
     alarms = monitor.run(record)
     assert alarms[0].time > 2000.0

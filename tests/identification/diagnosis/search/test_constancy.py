@@ -26,7 +26,7 @@ from identification.experiments.glider_dives import yo_mission
 from identification.experiments.heading_control import closed_loop
 from identification.fit import sensitivities
 from identification.fit.followed import Followed
-from scripts.blind.changing import ChangingGlider
+from scripts.blind.changing import Changing
 
 OFFSET, DEADBAND, AIR = "effects.rudder.offset", "effects.rudder.deadband", "effects.volume.air"
 MOMENT = "effects.yaw.moment"
@@ -36,7 +36,7 @@ def log_of(begins, path=OFFSET, size=0.03, ends=np.inf):
     """A log in which a parameter has another size from a time on, s, and until another."""
     plant = load_vehicle("slocum")
     bent = replace_at(plant, path, size)
-    moving = ChangingGlider(plant, lambda t: bent if begins <= t < ends else plant)
+    moving = Changing.glider(plant, lambda t: bent if begins <= t < ends else plant)
     return closed_loop(moving, rng=np.random.default_rng(700), duration=600.0)
 
 
@@ -66,7 +66,7 @@ def test_a_size_that_surely_differs_but_hardly_does_not_vary():
     """An offset that grows by a tenth half way through a log."""
     plant = load_vehicle("slocum")
     first, second = (replace_at(plant, OFFSET, size) for size in (0.30, 0.33))
-    moving = ChangingGlider(first, lambda t: second if t >= 600.0 else first)
+    moving = Changing.glider(first, lambda t: second if t >= 600.0 else first)
     log = check_log(closed_loop(moving, rng=np.random.default_rng(700), duration=1200.0), plant, Asked(trust=True))
     bench = Workbench(log.plant, log.record, log.parts, 0.1, log.every_window)
     found = steadiness(bench, bench.fit(bench.plant, (*plant.coefficients, OFFSET)), [OFFSET], level=1.0)
@@ -130,7 +130,7 @@ def moved_slowly(seed, size=1.0, time=100.0):
     for _ in times[1:]:
         moments.append(kept * moments[-1] + np.sqrt(1.0 - kept**2) * rng.normal())
     probe = size * spec_at(plant, MOMENT).probe
-    moving = ChangingGlider(plant, lambda t: replace_at(plant, MOMENT, probe * np.interp(t, times, moments)))
+    moving = Changing.glider(plant, lambda t: replace_at(plant, MOMENT, probe * np.interp(t, times, moments)))
     log = check_log(closed_loop(moving, rng=rng, duration=600.0), plant, Asked(trust=True))
     bench = Workbench(log.plant, log.record, log.parts, 0.1, log.every_window)
     return bench, bench.fit(bench.plant, (*plant.coefficients, MOMENT))
