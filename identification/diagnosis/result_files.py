@@ -21,7 +21,7 @@ from auv_gym.writing import finite, writable_folder, write_text
 from identification.deciding import SIMILAR
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.extras import Extras
-from identification.diagnosis.judge.found import Effect
+from identification.diagnosis.judge.effects import Effect
 from identification.diagnosis.judge.result import Stage
 from identification.diagnosis.judge.verdict import Diagnosis
 from identification.diagnosis.search.trials import Progress

@@ -13,7 +13,7 @@ from auv_gym.channels import channel
 from auv_gym.param import spec_at, value_at
 from auv_gym.plant import Plant
 from identification.diagnosis.extras import Extras
-from identification.diagnosis.judge.found import Coefficient, Detectable, Effect
+from identification.diagnosis.judge.effects import Coefficient, Detectable, Effect
 from identification.diagnosis.judge.summary import (
     dropped_sentence,
     left_sentence,

@@ -73,7 +73,7 @@ def test_the_own_torpedo_is_the_plant_where_nothing_is_the_matter(vehicle):
 
 
 @pytest.mark.parametrize(
-    ("vehicle", "path", "size"), [("npsauv", "effects.rudder.offset", 0.05), ("bluerov2_heavy", "effects.t3.lost", 0.5)]
+    "vehicle, path, size", [("npsauv", "effects.rudder.offset", 0.05), ("bluerov2_heavy", "effects.t3.lost", 0.5)]
 )
 def test_what_has_an_effect_from_a_time_on_moves_as_the_vehicle_with_it_does_from_then_on(vehicle, path, size):
     plant, quiet = load_vehicle(vehicle), Conditions(1e-9, 1.0, 20.0)

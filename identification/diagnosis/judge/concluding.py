@@ -6,18 +6,18 @@ from dataclasses import dataclass, replace
 
 from identification.deciding import EXPLAINED
 from identification.diagnosis.judge.common import Common
-from identification.diagnosis.judge.findings import (
+from identification.diagnosis.judge.effects import Coefficient, Effect
+from identification.diagnosis.judge.explained import verdict_of
+from identification.diagnosis.judge.reporting import Reported
+from identification.diagnosis.judge.result import Stage, Verdict
+from identification.diagnosis.judge.scoring import Scored, Scoring
+from identification.diagnosis.judge.sizes import (
     as_coefficients,
     coefficient_of,
     coefficient_twins,
     turned_gains,
     twin_effects,
 )
-from identification.diagnosis.judge.found import Coefficient, Effect
-from identification.diagnosis.judge.judgement import verdict_of
-from identification.diagnosis.judge.reporting import Reported
-from identification.diagnosis.judge.result import Stage, Verdict
-from identification.diagnosis.judge.scoring import Scored, Scoring
 from identification.diagnosis.judge.weighing import common_predictions
 from identification.diagnosis.log.plausibility import Doubt
 from identification.diagnosis.wording import quantity, short

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_gym.param import spec_at
-from identification.diagnosis.judge.found import Detectable
+from identification.diagnosis.judge.effects import Detectable
 from identification.diagnosis.search.candidates import Regression, Screening, deviations_shown
 from identification.diagnosis.wording import quantity
 

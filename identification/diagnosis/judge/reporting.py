@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from identification.diagnosis.judge.findings import Sizes, effects_of
-from identification.diagnosis.judge.found import Effect
+from identification.diagnosis.judge.effects import Effect
+from identification.diagnosis.judge.explained import unsteady_of
 from identification.diagnosis.judge.holding import Held
-from identification.diagnosis.judge.judgement import unsteady_of
 from identification.diagnosis.judge.result import VARIES, WORSE
+from identification.diagnosis.judge.sizes import Sizes, effects_of
 from identification.diagnosis.judge.weighing import Weighed, rounds_told
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.constancy import ByDive, sizes_by_dive

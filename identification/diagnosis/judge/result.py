@@ -14,7 +14,7 @@ from auv_gym.records.record import Record
 from identification.diagnosis.extras import Failure
 from identification.diagnosis.judge.closing import ClosedLoop
 from identification.diagnosis.judge.common import Common
-from identification.diagnosis.judge.found import Coefficient, Detectable, Effect
+from identification.diagnosis.judge.effects import Coefficient, Detectable, Effect
 from identification.diagnosis.judge.habitat import Habitat
 from identification.diagnosis.log.checking import Asked
 from identification.diagnosis.log.kinematics import Kinematics

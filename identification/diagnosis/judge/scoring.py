@@ -13,7 +13,7 @@ from auv_gym.param import replace_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.diagnosis.extras import Extras
-from identification.diagnosis.judge.judgement import explained_share, many_windows
+from identification.diagnosis.judge.explained import explained_share, many_windows
 from identification.diagnosis.judge.result import Stage
 from identification.diagnosis.log.checking import CheckedLog
 from identification.diagnosis.search.attribution import Round

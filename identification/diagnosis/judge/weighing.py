@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from auv_gym.plant import Plant
 from identification.deciding import FEW_STATES
 from identification.diagnosis.judge.common import Common, common_prediction
-from identification.diagnosis.judge.found import Effect
+from identification.diagnosis.judge.effects import Effect
 from identification.diagnosis.judge.holding import Held
 from identification.diagnosis.search.attribution import Round, confirmed, selected
 from identification.diagnosis.search.explanations import (

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from identification.diagnosis.judge.found import AsCoefficient, Effect, Member
+from identification.diagnosis.judge.effects import AsCoefficient, Effect, Member
 from identification.diagnosis.judge.result import RARE, VARIES, WORSE
 from identification.diagnosis.judge.summary import (
     _error_sentence,

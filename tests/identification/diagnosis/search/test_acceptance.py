@@ -11,8 +11,8 @@ from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
 from identification.diagnosis import diagnose
 from identification.diagnosis.judge import holding, remaining, reporting, scoring
-from identification.diagnosis.judge.findings import coefficient_of, size_as_effect, twin_effects
 from identification.diagnosis.judge.result import LEANS, RARE, WORSE
+from identification.diagnosis.judge.sizes import coefficient_of, size_as_effect, twin_effects
 from identification.diagnosis.search import acceptance, searching
 from identification.diagnosis.search.acceptance import EFFECT, TERM, Claim, Size, at_limit, objection
 from identification.diagnosis.search.attribution import Round, attribute, confirmed, without_idle_parts

@@ -11,7 +11,7 @@ from auv_gym.plant import load_vehicle
 from auv_gym.records.record import concat
 from identification.deciding import LEFT, UNSTEADY
 from identification.diagnosis import as_json, diagnose
-from identification.diagnosis.judge import findings, holding, remaining
+from identification.diagnosis.judge import holding, remaining, sizes
 from identification.diagnosis.judge.result import VARIES
 from identification.diagnosis.judge.scoring import Scoring
 from identification.diagnosis.log.checking import Asked, check_log
@@ -159,7 +159,7 @@ def test_nothing_constant_is_named_where_parts_contradict_each_other(monkeypatch
     constant = diagnose(record, plant)
     assert [e.path for e in constant.effects] == [OFFSET]
     assert constant.alike == ()
-    monkeypatch.setattr(findings, "steadiness", lambda bench, state, paths: Steadiness(paths[0], 0.5 * UNSTEADY))
+    monkeypatch.setattr(sizes, "steadiness", lambda bench, state, paths: Steadiness(paths[0], 0.5 * UNSTEADY))
     monkeypatch.setattr(remaining, "discover", lambda bench, state, *_: Discovery(state.plant, state.paths, state))
     found = diagnose(record, plant)
     assert (found.verdict, found.effects, found.tied, found.common) == ("unexplained", (), (), ())
@@ -200,7 +200,7 @@ def test_an_effect_that_varies_stays_where_the_others_foretell_nothing_without_i
     truth = replace_at(plant, {OFFSET: 0.006, DEADBAND: 0.08})
     record = closed_loop(truth, rng=np.random.default_rng(701), duration=900.0)
     unlike = lambda bench, state, paths: Steadiness(paths[0], 0.5 * UNSTEADY)  # noqa: E731
-    for module in (holding, findings):
+    for module in (holding, sizes):
         monkeypatch.setattr(module, "steadiness", unlike)
     share = lambda self, before, after: explained if value_at(after.plant, OFFSET) else -0.1  # noqa: E731
     monkeypatch.setattr(Scoring, "explained", share)

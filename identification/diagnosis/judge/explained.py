@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from identification.deciding import EXPLAINED, MANY_WINDOWS
-from identification.diagnosis.judge.found import Effect
+from identification.diagnosis.judge.effects import Effect
 from identification.diagnosis.judge.result import Stage, Verdict
 from identification.fit.residual import noise_floors
 

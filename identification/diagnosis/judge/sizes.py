@@ -1,4 +1,4 @@
-"""What a diagnosis found: effects with intervals, and wrong coefficients."""
+"""Effects as a diagnosis reports them, with sizes and intervals, and wrong coefficients."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.threads import side_by_side
 from identification.deciding import BEYOND, HOPELESS, LEAST_CHANGE, REACH, SURPRISE
-from identification.diagnosis.judge.found import AsCoefficient, Coefficient, Effect, Member
+from identification.diagnosis.judge.effects import AsCoefficient, Coefficient, Effect, Member
 from identification.diagnosis.judge.selected import selected_interval
 from identification.diagnosis.search.acceptance import Size, at_limit, weighed
 from identification.diagnosis.search.attribution import Round

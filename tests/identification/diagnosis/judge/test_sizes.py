@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from auv_gym.param import replace_at
-from identification.diagnosis.judge.findings import effects_of, turned_gains
-from identification.diagnosis.judge.found import Coefficient
+from identification.diagnosis.judge.effects import Coefficient
+from identification.diagnosis.judge.sizes import effects_of, turned_gains
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.constancy import Steadiness
@@ -44,7 +44,7 @@ def test_at_the_ends_of_a_profile_the_log_likelihood_has_fallen_by_the_quantile(
 
 
 def test_a_member_of_a_tie_says_which_other_effects_its_likeliest_set_does_without(monkeypatch):
-    monkeypatch.setattr("identification.diagnosis.judge.findings.steadiness", lambda *given: Steadiness("", 1.0))
+    monkeypatch.setattr("identification.diagnosis.judge.sizes.steadiness", lambda *given: Steadiness("", 1.0))
     width, play, offset, moment = (
         f"effects.{name}" for name in ("rudder.deadband", "rudder.backlash", "rudder.offset", "yaw.moment")
     )

@@ -9,8 +9,8 @@ from scipy.stats import binom
 
 from auv_gym.param import replace_at
 from identification.deciding import LEFT, UNSTEADY
-from identification.diagnosis.judge.found import Effect
-from identification.diagnosis.judge.judgement import (
+from identification.diagnosis.judge.effects import Effect
+from identification.diagnosis.judge.explained import (
     explained_share,
     many_windows,
     verdict_of,
