@@ -13,6 +13,7 @@ from auv_gym.records.attitude import QUATERNION, QUATERNION_ENU_FLU, angles, con
 from auv_gym.records.merging import Stream
 
 _ANGLES = ("roll_rad", "pitch_rad", "heading_rad")
+_MIDDLE = 45.0  # deg of latitude
 
 
 def completed(
@@ -83,25 +84,34 @@ def _depth(pressure: np.ndarray, place: _Place) -> tuple[np.ndarray, str]:
 
 
 def hydrography(
-    values: Mapping[str, np.ndarray], streams: Sequence[Stream], constants: Mapping[str, float]
+    values: Mapping[str, np.ndarray], streams: Sequence[Stream], constants: Mapping[str, float], notes: list[str]
 ) -> dict[str, np.ndarray]:
     """Salinity and density in situ from a CTD's channels on one time base, where these were not measured.
 
-    streams, constants: of the log, for its place.  Nothing without gsw (the extra `seawater`).
+    The pressure, where it was not measured, is that of the depth.  streams, constants: of the log, for its place.
+    Nothing without gsw (the extra `seawater`), and then a line in the notes.
     """
+    told = {"salinity_psu", "conductivity_Spm"} & set(values) and {"pressure_dbar", "depth_m"} & set(values)
+    if not told or "temperature_C" not in values or {"salinity_psu", "density_kgpm3"} <= set(values):
+        return {}
     new: dict[str, np.ndarray] = {}
-    place = _Place.of(streams, constants)
+    place, temperature = _Place.of(streams, constants), values["temperature_C"]
     try:
-        if {"conductivity_Spm", "temperature_C", "pressure_dbar"} <= set(values) and "salinity_psu" not in values:
-            new["salinity_psu"] = seawater.practical_salinity(
-                values["conductivity_Spm"], values["temperature_C"], values["pressure_dbar"]
-            )
-        whole = {**values, **new}
-        if {"salinity_psu", "temperature_C", "pressure_dbar"} <= set(whole) and "density_kgpm3" not in whole:
-            given = (whole["salinity_psu"], whole["temperature_C"], whole["pressure_dbar"])
-            new["density_kgpm3"] = seawater.density(*given, place.latitude, place.longitude)
+        pressure = values.get("pressure_dbar")
+        if pressure is None:
+            pressure = seawater.pressure(values["depth_m"], _MIDDLE if place.latitude is None else place.latitude)
+        salinity = values.get("salinity_psu")
+        if salinity is None:
+            salinity = seawater.practical_salinity(values["conductivity_Spm"], temperature, pressure)
+            new["salinity_psu"] = salinity
+        if "density_kgpm3" not in values:
+            where = place.latitude, place.longitude
+            new["density_kgpm3"] = seawater.density(salinity, temperature, pressure, *where)
     except ValueError:  # gsw is not installed
-        pass
+        notes.append(
+            "The density of the water could be worked out from the salinity and temperature of the log with the "
+            "package gsw: `pip install auv-gym[seawater]`."
+        )
     return new
 
 

@@ -266,7 +266,7 @@ def assembled(
     for name, value in known.constants.items():
         if name not in _OF_PLACE:
             values[name] = np.full(joined.time.size, value)
-    for name, found in hydrography(values, known.streams, known.constants).items():
+    for name, found in hydrography(values, known.streams, known.constants, notes).items():
         values[name], derived[name] = found, "the CTD, by TEOS-10"
     for name in needs.required:
         commanded = command_for(name)

@@ -16,6 +16,11 @@ def depth(pressure: np.ndarray | float, latitude: np.ndarray | float) -> np.ndar
     return -np.asarray(_gsw().z_from_p(pressure, latitude), dtype=float)
 
 
+def pressure(depth: np.ndarray | float, latitude: np.ndarray | float) -> np.ndarray:
+    """Sea pressure, dbar, at a depth, m, positive down, at a latitude, deg."""
+    return np.asarray(_gsw().p_from_z(-np.asarray(depth, dtype=float), latitude), dtype=float)
+
+
 def density(
     salinity: np.ndarray | float,
     temperature: np.ndarray | float,

@@ -70,23 +70,43 @@ def test_without_gsw_depth_is_that_of_middle_latitudes_and_says_so(monkeypatch):
 
     monkeypatch.setattr(seawater, "depth", absent)
     monkeypatch.setattr(seawater, "density", absent)
+    notes = []
     ctd = stream(pressure_dbar=1000.0, salinity_psu=35.0, temperature_C=10.0)
     values, derived, _ = complete(ctd, latitude_rad=1.0)
     assert values["depth_m"] == pytest.approx(float(depth_from_pressure(1000.0)))
     assert "the extra seawater does better" in derived["depth_m"]
-    assert hydrography(values, [ctd], {}) == {}
+    assert hydrography(values, [ctd], {}, notes) == {}
+    assert len(notes) == 1
+    assert "auv-gym[seawater]" in notes[0]
+    assert hydrography(complete(stream(pressure_dbar=1000.0))[0], [ctd], {}, notes) == {}
+    assert len(notes) == 1  # nothing that it could be worked out from
 
 
 def test_density_follows_from_a_ctd():
     pytest.importorskip("gsw", reason="the extra `seawater` is not installed")
     ctd = {name: np.full(3, value) for name, value in CTD.items()}
-    found = hydrography(ctd, [], {})
+    found = hydrography(ctd, [], {}, [])
     salinity = seawater.practical_salinity(4.0, 10.0, 500.0)
     assert found["salinity_psu"] == pytest.approx(float(salinity))
     assert found["density_kgpm3"] == pytest.approx(float(seawater.density(salinity, 10.0, 500.0, None, None)))
-    placed = hydrography(ctd, [], {"latitude_rad": np.radians(60.0), "longitude_rad": np.radians(20.0)})  # the Baltic
+    placed = hydrography(ctd, [], {"latitude_rad": np.radians(60.0), "longitude_rad": np.radians(20.0)}, [])  # the Baltic
     assert placed["density_kgpm3"][0] != found["density_kgpm3"][0]
-    assert hydrography({**ctd, "salinity_psu": np.full(3, 35.0), "density_kgpm3": np.full(3, 1030.0)}, [], {}) == {}
+    assert hydrography({**ctd, "salinity_psu": np.full(3, 35.0), "density_kgpm3": np.full(3, 1030.0)}, [], {}, []) == {}
+
+
+def test_where_pressure_was_not_logged_it_is_that_of_the_depth():
+    pytest.importorskip("gsw", reason="the extra `seawater` is not installed")
+    ctd = {name: np.full(3, value) for name, value in CTD.items()}
+    place = {"latitude_rad": np.radians(60.0)}
+    deep = {**ctd, "depth_m": seawater.depth(ctd.pop("pressure_dbar"), 60.0)}
+    without = {name: values for name, values in deep.items() if name != "pressure_dbar"}
+    for name, values in hydrography(without, [], place, []).items():
+        np.testing.assert_allclose(values, hydrography(deep, [], place, [])[name], rtol=1e-9)
+    salinity = {**without, "salinity_psu": np.full(3, 35.0)}
+    found = hydrography(salinity, [], {}, [])
+    assert list(found) == ["density_kgpm3"]
+    shallow = hydrography({**salinity, "depth_m": np.zeros(3)}, [], {}, [])
+    assert found["density_kgpm3"][0] - shallow["density_kgpm3"][0] == pytest.approx(2.2, abs=0.1)  # kg/m3, of 500 dbar
 
 
 CTD = {"conductivity_Spm": 4.0, "temperature_C": 10.0, "pressure_dbar": 500.0}
