@@ -89,7 +89,8 @@ def test_density_follows_from_a_ctd():
     salinity = seawater.practical_salinity(4.0, 10.0, 500.0)
     assert found["salinity_psu"] == pytest.approx(float(salinity))
     assert found["density_kgpm3"] == pytest.approx(float(seawater.density(salinity, 10.0, 500.0, None, None)))
-    placed = hydrography(ctd, [], {"latitude_rad": np.radians(60.0), "longitude_rad": np.radians(20.0)}, [])  # the Baltic
+    baltic = {"latitude_rad": np.radians(60.0), "longitude_rad": np.radians(20.0)}
+    placed = hydrography(ctd, [], baltic, [])
     assert placed["density_kgpm3"][0] != found["density_kgpm3"][0]
     assert hydrography({**ctd, "salinity_psu": np.full(3, 35.0), "density_kgpm3": np.full(3, 1030.0)}, [], {}, []) == {}
 
