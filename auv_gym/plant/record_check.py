@@ -36,6 +36,7 @@ _TOO_SMALL = {  # what values of a unit come in instead, so that they are taken 
     "m3": ((1e6, "m3 in a column of cm3"), (1e3, "m3 in a column of litres")),
     "m": ((1e3, "m in a column of mm"),),
 }
+_TOO_LARGE = {"rad": (np.rad2deg(1.0), "degrees in a column of radians")}  # and as this many times too large
 _USED = 0.1  # share of its range that an actuator moves through in a log, at least; less may be noise
 _RESOLVED = 1e-5  # of its range, finer than a sensor of 16 bits can tell it
 _MOVES = 0.01  # of the distance of its ends, by which the command of a thruster goes up and down at least
@@ -93,22 +94,31 @@ def check_ranges(plant: Plant, record: Record, few: float = 0.0) -> None:
 
 
 def _check_spans(plant: Plant, record: Record) -> None:
-    """Raises if an actuator hardly moves and would fill its range if its values were in another unit."""
+    """Raises if an actuator hardly moves, or is mostly beyond its range, and would fit it in another unit."""
     for name, (least, most) in _actuator_ranges(plant).items():
         values = record[name][np.isfinite(record[name])] if record.has(name) else np.empty(0)
         span, width = float(np.ptp(values)) if values.size else 0.0, most - least
-        for factor, words in _TOO_SMALL.get(channel(name).unit, ()):
+        unit, of = channel(name).unit, f"{channel(name).label} of {plant.name}"
+        lowest, highest = least - _TOLERANCE * width, most + _TOLERANCE * width
+        larger, words = _TOO_LARGE.get(unit, (1.0, ""))
+        beyond, mended = (values < lowest) | (values > highest), values / larger
+        fits = span / larger >= _USED * width and np.all((lowest <= mended) & (mended <= highest))
+        if fits and beyond.sum() > _MOSTLY * values.size:
+            raise ValueError(
+                f"{name} goes from {values.min():.4g} to {values.max():.4g} {unit}, while {of} goes from {least:.4g} "
+                f"to {most:.4g} {unit}. It looks {larger:.4g} times too large, as {words} are: correct the column's "
+                "unit in a mapping, or its values in the file."
+            )
+        for factor, words in _TOO_SMALL.get(unit, ()):
             fills = _USED * width <= factor * span <= (1.0 + 2.0 * _TOLERANCE) * width
-            lowest, highest = least - _TOLERANCE * width, most + _TOLERANCE * width
             # a small one may be noise about a resting place, unless no sensor is so fine, or it rests at zero alone
             if fills and (
                 span < _RESOLVED * width or (lowest <= factor * values.min() and factor * values.max() <= highest)
             ):
-                unit = channel(name).unit
                 raise ValueError(
-                    f"{name} hardly moves: it spans {span:.2g} {unit}, while {channel(name).label} of {plant.name} "
-                    f"goes from {least:g} to {most:g} {unit}. It looks {factor:,.0f} times too small, as {words} is: "
-                    "correct the column's unit in a mapping, or its values in the file."
+                    f"{name} hardly moves: it spans {span:.2g} {unit}, while {of} goes from {least:g} to {most:g} "
+                    f"{unit}. It looks {factor:,.0f} times too small, as {words} is: correct the column's unit in a "
+                    "mapping, or its values in the file."
                 )
 
 

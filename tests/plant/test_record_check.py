@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from auv_gym.param import value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.plant.record_check import FEW, check_excitation, check_ranges, described, needs_of, refusal, wrong_for
 from auv_gym.records.gliding import glide_attack
@@ -135,6 +136,16 @@ def test_actuators_of_any_vehicle_are_held_against_their_ranges():
     ballast = Record.from_arrays(TIME, {"depth_m": TIME, "ballast_m3": 4e-10 * np.sin(TIME / 60.0)})
     with pytest.raises(ValueError, match=r"ballast_m3 hardly moves: it spans 8e-10 m3.*cm3"):
         check_ranges(glider, ballast)
+
+
+def test_fins_in_degrees_that_were_taken_for_radians_are_refused_and_those_at_their_stops_are_not():
+    torpedo = load_vehicle("npsauv")
+    stop = value_at(torpedo, "parts.rudder.limit")
+    angles = np.clip(2.0 * stop * np.sin(TIME / 60.0), -stop, stop)
+    log = {"heading_rad": 0.0 * TIME, "stern_plane_rad": angles, "propeller_rpm": 1300.0 + 0.0 * TIME}
+    check_ranges(torpedo, _record(rudder_rad=1.5 * angles, **log))  # some controllers ask for more than there is
+    with pytest.raises(ValueError, match=r"rudder_rad goes from -20 to 20 rad.* 57.3 times too large, as degrees"):
+        check_ranges(torpedo, _record(rudder_rad=np.degrees(angles), **log))
 
 
 @pytest.mark.parametrize("volume", [-3e-4, 0.0, -5.05e-4])
