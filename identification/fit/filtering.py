@@ -16,6 +16,7 @@ _SAME = 0.05  # of the log-likelihood: starts that bring less leave the path as 
 _PASSES = 4  # of the filter, each from starts that the one before has fitted
 _LOOSE = 0.3  # deviations of a stretch's likeliest start that the filter lets it be off by
 _LEAST_LEFT = 1e-10  # of a start's variance, of what a record leaves: less is rounding
+_TOO_FAR = 1e100  # information on a start, over what its spread tells, whose square is no number to reckon with
 _OTHER_NOISE = 0.7  # of its logarithm: noises that differ more tell of starts with another precision
 
 
@@ -57,7 +58,7 @@ class Filter(Sensitivities):
             r = slopes.means[w, :solid][free] * units
             with np.errstate(over="ignore", invalid="ignore"):
                 n = np.outer(r, r) - 2.0 * slopes.covariances[w, :solid, :solid][own] * np.outer(units, units)
-            if not np.isfinite(n).all():  # of a run so far off that its likelihood has no slope
+            if not np.abs(n).max() < _TOO_FAR:  # of a run so far off that its likelihood has no slope, or none to use
                 roots[w] = system.start[w]
                 continue
             root = system.start[w][:, free] / units

@@ -240,14 +240,15 @@ def test_stretches_begin_with_their_likeliest_starts():
     assert point.starts[:, 0] == pytest.approx(runs.starts[:, 0], abs=0.1 * SENSORS["heading_rad"])
 
 
-def test_a_start_of_which_the_likelihood_has_no_slope_stays_where_it_is(pushed, monkeypatch):
+@pytest.mark.parametrize("slope", [1e200, 1e90])
+def test_a_start_of_which_the_likelihood_has_no_slope_stays_where_it_is(pushed, monkeypatch, slope):
     """Squares of what has run away are no numbers; their eigenvalues would end a fit in an error."""
     problem = PredictionErrors(GLIDER, pushed, pushed.windows(100.0), process=False)
     slopes_of = filtering.slopes_of
 
     def overflown(*arguments):
         slopes = slopes_of(*arguments)
-        slopes.means[0] = 1e200
+        slopes.means[0] = slope
         return slopes
 
     monkeypatch.setattr(filtering, "slopes_of", overflown)
