@@ -168,7 +168,8 @@ _SPELLINGS: Final[dict[str, str]] = {
     "volts": "V", "newton": "N", "newtons": "N", "N m": "Nm", "N.m": "Nm", "m/s2": "mps2", "m s-2": "mps2",
     "rad/s2": "radps2", "rad s-2": "radps2", "m3/s": "m3ps", "m3 s-1": "m3ps", "PSU": "psu", "1/min": "rpm", "%": "pct",
     "S/m": "Spm", "m/s/s": "mps2",
-    "rad/s/s": "radps2", "m^3/s": "m3ps",
+    "rad/s/s": "radps2", "m^3/s": "m3ps", "rpm": "rpm", "dps": "degps", "deg/sec": "degps", "psu": "psu",
+    "pss-78": "psu",
 }  # fmt: skip
 
 
@@ -222,7 +223,7 @@ def in_unit(name: str, unit: str | None) -> str:
 
     unit: as for `conversion`; None for the unit that the name says.
     """
-    if unit is None:
+    if unit is None or is_flag(name):
         return name
     suffix, target = _suffix_of(unit, name), conversion(name, unit).channel.name
     return f"{target.rpartition('_')[0]}_{suffix}"

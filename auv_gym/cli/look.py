@@ -164,14 +164,13 @@ def _print_list(title: str, lines: Sequence[str], every: bool) -> None:
 def _print_vehicles(matches: Matches) -> None:
     from auv_gym.records.naming import looks_like
 
-    columns = matches.found.spare
     shown = table("Vehicles, best match first", "vehicle!", "missing channels", "uses>")
     for rank, name in enumerate(matches.ranked):
         missing, turned = matches.missing(name), matches.turned[name]
-        others = {one: [column for column in columns if column != one] for one in missing}  # left out: told above
         hints = f"In another unit: {', '.join(turned)}; --mapping-out converts them. " if turned else ""
         if rank < _HINTED:
-            hints += "".join(looks_like(one, others[one]) for one in missing)
+            offers = matches.offers[name]
+            hints += "".join(looks_like(one, [c for c in offers[one] if c != one]) for one in missing)  # left out above
         words = ". ".join(filter(None, [", ".join(missing) or "none", hints.strip()]))
         count = matches.used(name)
         shown.add_row(escape(name), escape(words), f"{count} channel{'s' * (count != 1)}")

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime, time
 
 import numpy as np
 
 from auv_gym.channels import conversion
 from auv_gym.records.log import Column, Group, Log
-from auv_gym.records.mapping import DATED, TIMES, Names, fitting_mappings, list_of
+from auv_gym.records.mapping import DATED, TIMES, Names, Target, fitting_mappings, list_of
 from auv_gym.records.naming import looks_like
 
 _CLOCKS = frozenset(
     {"time", "timestamp", "t", "seconds", "secs", "sec", "elapsed", "epoch", "unix", "unixtime", "datenum"}
 )
-_SUFFIXES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}  # timestamp_ms and the like
+_DATES = frozenset({"date", "date_utc", "utc_date"})  # beside a column with the time of day
+_STAMPED = frozenset({"time", "date", "datetime", "timestamp", "stamp", "utc", "gmt", "zulu", "clock"})
+_SUFFIXES = {  # units of counts of time, s: timestamp_ms, Time [us] and the like
+    "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "µs": 1e-6, "d": 86400.0, "days": 86400.0,
+}  # fmt: skip
 _DAY = 86400.0  # s
 # of counts of days: the least and the largest of this century and the last, that of 1970, and whose they are
 _DAYS = ((6.9e5, 7.7e5, 719529.0, "MATLAB"), (2e4, 7.4e4, 25569.0, "spreadsheets"))
@@ -24,11 +29,21 @@ _WITH_MONTH, _WITH_SLASHES = re.compile(r"\d{1,2}-[A-Za-z]{3}-\d{4} "), re.compi
 _DAY_OR_MONTH = re.compile(r"\s*\d{1,2}([./-])\d{1,2}\1\d{2,4}\b")  # first, as in 10/03/2024
 YEAR_FIRST = "Write them with the year first, as in 2024-03-10T08:00:00."
 _QUICK = 1e-3  # between rows: as seconds no vehicle is sampled so fast, as days a minute and a half
+_SECONDS = Target("time_s")
 _EPOCHS = ((1e17, 1e-9, "nanoseconds"), (1e14, 1e-6, "microseconds"), (1e11, 1e-3, "milliseconds"))
 
 
-def clocks_of(log: Log, names: Names, notes: list[str]) -> dict[str, tuple[str, np.ndarray]]:
-    """The column that holds time and the times, s, of each group that does not come with them.
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """The column of a table that holds time.  times: s, (n,).  target: what a mapping makes of the column's numbers."""
+
+    column: str
+    times: np.ndarray
+    target: Target = _SECONDS
+
+
+def clocks_of(log: Log, names: Names, notes: list[str]) -> dict[str, Clock]:
+    """The clock of each group that does not come with its times.
 
     A group without a time is left out with a note; raises where no group has one.
     """
@@ -45,8 +60,8 @@ def clocks_of(log: Log, names: Names, notes: list[str]) -> dict[str, tuple[str, 
     return found
 
 
-def _clock(group: Group, names: Names, log: Log, notes: list[str]) -> tuple[str, np.ndarray]:
-    """The column of a table that holds time, and the times, s: by the mapping, by its name, or by what it holds."""
+def _clock(group: Group, names: Names, log: Log, notes: list[str]) -> Clock:
+    """The column of a table that holds time: by the mapping, by its name, or by what it holds."""
     columns = group.columns
     stated = [theirs for theirs, target in names.targets.items() if theirs in columns and target.name in TIMES]
     if len(stated) > 1:
@@ -54,25 +69,25 @@ def _clock(group: Group, names: Names, log: Log, notes: list[str]) -> tuple[str,
     for mapping in (names, *fitting_mappings(log)):
         for theirs, target in mapping.targets.items():
             if theirs in columns and target.name in TIMES:
-                return theirs, _seconds(theirs, columns[theirs], target.name)
+                return _as_clock(theirs, columns, target, notes)
     for name, column in columns.items():
         field = name.rpartition(".")[2]  # of a structure
-        dated = field.lower().replace(" ", "_") in DATED and (isinstance(column, list) or name in group.units)
-        if dated and isinstance(column, list) and (times := _of_day(column)) is not None:
-            return name, _with_dates(times, columns, notes, name)
-        if dated or field in TIMES:
-            return name, _seconds(name, column, field, group.units.get(name))
+        unit = _in_unit(group.units.get(name))
+        if field in TIMES or (_plain(field) in DATED and (isinstance(column, list) or unit)):
+            return _as_clock(name, columns, unit or Target(field if field in TIMES else "time_s"), notes)
     for name, column in columns.items():
+        if isinstance(column, list) and _STAMPED & set(_plain(name).split("_")) and _are_stamps(column):
+            return _as_clock(name, columns, _SECONDS, notes)
+    for name, column in sorted(
+        columns.items(), key=lambda item: len(item[0]) == 1
+    ):  # a symbol only if no word is there
         bare = re.split(r"[\s\[(]", name.strip().lower())[0].rpartition(".")[2]
         stem, _, suffix = bare.rpartition("_")
         own = suffix if stem in _CLOCKS and suffix in _SUFFIXES else ""
         if (bare in _CLOCKS or own) and isinstance(column, np.ndarray) and _mostly_rises(column):
-            stated = group.units.get(name)
-            seconds, unit = (
-                (_SUFFIXES[own] * column, own) if own and not stated else _scaled_epoch(bare, column, stated)
-            )
+            target, unit = _counted(bare, column, group.units.get(name) or own)
             notes.append(f"{name}: taken as the time, in {unit}.")
-            return name, seconds
+            return _as_clock(name, columns, target, notes)
     for name, column in columns.items():
         _check_order(name, next(filter(str.strip, column), "") if isinstance(column, list) else "")
     raise ValueError(
@@ -82,29 +97,62 @@ def _clock(group: Group, names: Names, log: Log, notes: list[str]) -> tuple[str,
     )
 
 
+def _as_clock(name: str, columns: Mapping[str, Column], target: Target, notes: list[str]) -> Clock:
+    """A column that holds time: text as dates or times of day, numbers as the target says."""
+    column = columns[name]
+    if isinstance(column, list):
+        times = _of_day(column)
+        return Clock(name, _stamps(name, column) if times is None else _with_dates(times, columns, notes, name))
+    return Clock(name, target.channel_and_values(column.astype(float))[1], target)
+
+
+def _plain(name: str) -> str:
+    """The words of a column's name in lower case: `time_utc` of `Time (UTC)`."""
+    return "_".join(re.findall(r"[a-z0-9]+", name.lower()))
+
+
+def _are_stamps(cells: list[str]) -> bool:
+    """Whether text holds times of day or dates with such, by its first cell."""
+    first = next(filter(str.strip, cells), "").strip()
+    try:
+        return ":" in first and (_of_day([first]) is not None or _moment(first) is not None)
+    except ValueError:
+        return False
+
+
 def _mostly_rises(column: np.ndarray) -> bool:
     known = column[np.isfinite(column)]
     return known.size > 1 and float(np.mean(np.diff(known) > 0.0)) > 0.5
 
 
-def _scaled_epoch(called: str, column: np.ndarray, unit: str | None) -> tuple[np.ndarray, str]:
-    """Times in s: in the unit that the file states, else by their size, for counts since 1970; else taken as s.
+def _in_unit(unit: str | None) -> Target | None:
+    """What a mapping makes of counts of time in a unit; None where it is not known as one."""
+    factor = _SUFFIXES.get(unit or "")
+    if unit and factor is None:
+        try:
+            factor = float(conversion("time", unit).convert(np.ones(1))[0])
+        except ValueError:
+            return None
+    if factor is None:
+        return None
+    return next((Target(name) for name in TIMES if _SUFFIXES[name[5:]] == factor), Target("time_s", factor))
+
+
+def _counted(called: str, column: np.ndarray, unit: str) -> tuple[Target, str]:
+    """What a mapping makes of counts of time, and their unit: the stated one, else by their size, else seconds.
 
     Counts of days, as MATLAB and spreadsheets have them, are told by their size, and by their name or by rows that are
     closer than any in seconds.
     """
-    if unit:
-        try:
-            return conversion("time", unit).convert(column), unit
-        except ValueError:
-            pass
+    if target := _in_unit(unit):
+        return target, unit
     largest, least = float(np.nanmax(np.abs(column))), float(np.nanmin(column))
     for low, high, since, whose in _DAYS:
         quick = called == "datenum" or float(np.nanmedian(np.abs(np.diff(column)))) < _QUICK
         if low < least and largest < high and quick:
-            return _DAY * (column - since), f"days as counted by {whose}"
+            return Target("time_s", _DAY, -_DAY * since), f"days as counted by {whose}"
     factor, words = next(((f, words) for least, f, words in _EPOCHS if largest > least), (1.0, "seconds"))
-    return factor * column, words
+    return Target("time_ms") if factor == 1e-3 else Target("time_s", factor), words
 
 
 def _moment(cell: str) -> datetime:
@@ -138,9 +186,9 @@ def _of_day(cells: list[str]) -> np.ndarray | None:
 
 def _with_dates(times: np.ndarray, columns: Mapping[str, Column], notes: list[str], name: str) -> np.ndarray:
     """Times of day in s since 1970 by a column of dates, else since the first midnight, on through the next ones."""
-    dates = next((column for other, column in columns.items() if other.strip().lower() == "date"), None)
-    if isinstance(dates, list):
-        return _seconds("date", dates, "time") + times
+    for other, dates in columns.items():
+        if _plain(other) in _DATES and isinstance(dates, list):
+            return _stamps(other, dates) + times
     known = np.flatnonzero(np.isfinite(times))
     midnights = np.r_[0, np.cumsum(np.diff(times[known]) < -0.5 * _DAY)]
     notes.append(f"{name}: taken as the time of day, without a date.")
@@ -149,12 +197,10 @@ def _with_dates(times: np.ndarray, columns: Mapping[str, Column], notes: list[st
     return result
 
 
-def _seconds(name: str, column: Column, target: str, unit: str | None = None) -> np.ndarray:
-    """Time in s; dates count from 1970, and are UTC where they do not say."""
-    if isinstance(column, np.ndarray):
-        return conversion(target, unit).convert(column.astype(float))
-    seconds = np.full(len(column), np.nan)
-    for row, cell in enumerate(column):
+def _stamps(name: str, cells: list[str]) -> np.ndarray:
+    """Dates as s since 1970, NaN where empty; UTC where they do not say."""
+    seconds = np.full(len(cells), np.nan)
+    for row, cell in enumerate(cells):
         if not cell.strip():
             continue
         try:

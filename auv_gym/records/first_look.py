@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, cast
@@ -13,7 +13,7 @@ import numpy as np
 from auv_gym.channels import CHANNELS, SEGMENT_COLUMNS, conversion, in_unit, known_suffixes
 from auv_gym.records.formats import format_of
 from auv_gym.records.log import Column, Group, Log, Scope
-from auv_gym.records.mapping import Source, Target, is_known, load_mapping
+from auv_gym.records.mapping import YOURS, Source, Target, guessed, is_known, load_mapping
 from auv_gym.records.naming import candidates
 from auv_gym.records.reading import Needs, Understood, assembled, command_for, find_log, open_log, understood
 from auv_gym.records.record import Record
@@ -72,10 +72,23 @@ class FirstLook:
         """The channels that a record of the log has."""
         return set() if self.record is None else set(self.record.names)
 
-    @property
-    def spare(self) -> list[str]:
-        """The columns that are not taken as channels that vehicles know, so that they may be what is missing."""
-        return [signal.column for signal in self.signals if signal.channel not in CHANNELS]
+    def offers(self, channel: str, needs: Needs) -> dict[str, Target]:
+        """The columns that look like a channel that a vehicle is missing, the likeliest first, with their targets.
+
+        Not those that the user's mapping names, that the vehicle uses, or that measure a motion.
+        """
+        uses = {*needs.required, *needs.wanted}
+        taken = {
+            signal.column
+            for signal in self.signals
+            if signal.by == YOURS
+            or (signal.channel in CHANNELS and (signal.channel in uses or not _may_be(signal.channel, channel)))
+        }
+        clocks = {clock.column for clock in self.known.clocks.values()} if self.known else set()
+        columns = [column for column in self.log.by_name if column not in taken | clocks]
+        found = candidates(channel, columns, len(columns))
+        targets = {column: guessed(self.log.by_name[column], column, channel) for column in found}
+        return {column: target for column, target in targets.items() if target is not None}
 
     @property
     def is_profile(self) -> bool:
@@ -89,6 +102,11 @@ class FirstLook:
         """The channels that a vehicle would still need; a command serves where its input was not measured."""
         have = self.channels
         return [name for name in needs.required if name not in have and command_for(name) not in have]
+
+
+def _may_be(taken: str, wanted: str) -> bool:
+    """Whether a column that is taken as one channel may be another one: no measured motion, and no set point."""
+    return CHANNELS[taken].kind in ("input", "auxiliary") and "_cmd" not in wanted
 
 
 def look_at(log: str | Path, mapping: object = None, beside: Path | None = None) -> FirstLook:
@@ -152,27 +170,33 @@ def mapping_text(look: FirstLook, needs: Sequence[Needs] = (), turned: Mapping[s
         "# shifts; a number is the value of a channel that was constant and not logged.",
         "",
     ]
-    used: set[str] = set()
-    if look.known is not None:
-        for column in look.known.clocks.values():
-            lines.append(f'{_quoted(column)} = "time_s"')
+    known = {target.name for target in (turned or {}).values()}
+    guesses: dict[str, Target] = {}
+    for one in needs:
+        for wanted in look.missing(one):
+            offers = [column for column in look.offers(wanted, one) if column not in guesses]
+            if offers and wanted not in known:
+                guesses[offers[0]] = look.offers(wanted, one)[offers[0]]
+                known.add(wanted)
+    used = set(guesses)  # each column stands in one line, or the file would be no TOML
+
+    def add(column: str, target: str) -> None:
+        if column not in used:
             used.add(column)
+            lines.append(f"{_quoted(column)} = {target}")
+
+    if look.known is not None:
+        for clock in look.known.clocks.values():
+            add(clock.column, _in_toml(clock.target))
         for name, sources in look.known.by_channel.items():
             for number, source in enumerate(sources):
-                used.add(source.column)
-                target = _target(source, (turned or {}).get(name)) if number == 0 else _quoted("")
-                lines.append(f"{_quoted(source.column)} = {target}")
-        lines += [f"{name} = {value:.12g}" for name, value in look.known.constants.items()]
-    columns = [name for group in look.log.groups for name in group.columns]
-    guesses: dict[str, str] = {}
-    known = {target.name for target in (turned or {}).values()}
-    for wanted in dict.fromkeys(name for one in needs for name in look.missing(one) if name not in known):
-        for column in candidates(wanted, [name for name in look.spare if name not in guesses], 1):
-            guesses[column] = wanted
+                add(source.column, _target(source, (turned or {}).get(name)) if number == 0 else _quoted(""))
+        lines += [f"{name} = {value!r}" for name, value in look.known.constants.items()]
+    columns = dict.fromkeys(name for group in look.log.groups for name in group.columns)
     if guesses:
         lines += ["", "# Guessed from their names: check unit and sign, then remove the # in front."]
-        lines += [f'# {_quoted(column)} = "{wanted}"' for column, wanted in guesses.items()]
-    rest = [name for name in columns if name not in used and name not in guesses and name not in SEGMENT_COLUMNS]
+        lines += [f"# {_quoted(column)} = {_in_toml(target)}" for column, target in guesses.items()]
+    rest = [name for name in columns if name not in used and name not in SEGMENT_COLUMNS]
     if rest:
         lines += ["", "# Not recognised: write a channel, and remove the # in front."]
         lines += [f'# {_quoted(name)} = ""' for name in rest]
@@ -207,14 +231,18 @@ def _scale(name: str, unit: str | None = None) -> float:
 
 
 def _target(source: Source, turned: Target | None) -> str:
-    target = source.target
-    name = in_unit(target.name, source.unit)
+    target = replace(source.target, name=in_unit(source.target.name, source.unit))
     if turned is not None:
-        name = turned.name
-        target = Target(name, turned.factor * target.factor, turned.factor * target.offset + turned.offset)
+        factor, offset = turned.factor * target.factor, turned.factor * target.offset + turned.offset
+        target = Target(turned.name, factor, offset)
+    return _in_toml(target)
+
+
+def _in_toml(target: Target) -> str:
     if target.offset == 0.0 and target.factor in (1.0, -1.0):
-        return _quoted(f"{'-' if target.factor < 0 else ''}{name}")
-    return f'{{ to = "{name}", factor = {target.factor!r}, offset = {target.offset!r} }}'
+        return _quoted(f"{'-' if target.factor < 0 else ''}{target.name}")
+    offset = f", offset = {target.offset!r}" if target.offset else ""
+    return f'{{ to = "{target.name}", factor = {target.factor!r}{offset} }}'
 
 
 def _quoted(text: str) -> str:
@@ -233,7 +261,7 @@ def _signals(log: Log, known: Understood | None) -> list[SignalLook]:
     for group in log.groups:
         sampling = _sampling(_times(group, known))
         for name, column in group.columns.items():
-            if known is not None and name in known.clocks.values():
+            if known is not None and any(name == clock.column for clock in known.clocks.values()):
                 continue
             source, used = taken.get(name, (None, False))
             found.append(_signal(group, name, column, sampling, source if used else None))

@@ -17,10 +17,10 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from auv_gym.channels import CHANNELS, SEGMENT_COLUMNS, Channel, conversion, known_suffixes
+from auv_gym.channels import CHANNELS, SEGMENT_COLUMNS, Channel, conversion, in_unit, is_flag, known_suffixes
 from auv_gym.param import did_you_mean
 from auv_gym.records.log import Group, Log
-from auv_gym.records.naming import NICKNAMES, is_commanded
+from auv_gym.records.naming import NICKNAMES, WORDS, is_commanded
 
 MappingLike = Mapping[str, Any] | str | Path | None
 YOURS = "your mapping"
@@ -29,6 +29,10 @@ FIELD = "its name in the message"
 TIMES = ("time_s", "time_ms", "time_min", "time_h")
 DATED = frozenset({"time", "timestamp", "datetime", "date_time", "time_utc", "time_iso"})  # in lower case
 _FEW, _MANY = 4, 25  # fields of a message that a note lists; topics that get a note each
+_COMMANDS = {  # what becomes of a thruster's command in a unit, by that and the unit that the channel has
+    ("pct", "share"): (0.01, 0.0), ("%", "share"): (0.01, 0.0), ("us", "share"): (0.0025, -3.75),
+    ("share", "us"): (400.0, 1500.0),
+}  # fmt: skip
 _TURNED_FRAMES = ("_ned", "_frd")  # endings of a frame_id whose axes are the field's own, forward or north first
 
 
@@ -313,6 +317,29 @@ def _by_itself(group: Group, column: str, called: str = "") -> Source:
     return Source(group, column, Target(target), unit, by=NICKNAME if target == nickname else "")
 
 
+def guessed(group: Group, column: str, channel: str) -> Target | None:
+    """What a mapping would make of a column that looks like a channel, in the unit that the file or its name states.
+
+    None where it cannot be that channel: it is text, a flag or constant, or in a unit of another quantity.
+    """
+    values, plain = group.columns[column], "_".join(column.lower().split())
+    if isinstance(values, list) or is_flag(plain):
+        return None
+    known = values[np.isfinite(values)]
+    if group.rows <= values.size and not (known.size and np.ptp(known) > 0.0):
+        return None
+    unit, last = group.units.get(column), re.split(r"[\s_]", column)[-1]
+    if not unit and last != column and plain not in WORDS.get(channel, ()):
+        unit = last
+    if not unit or not is_known("any", unit):
+        return Target(channel)
+    try:
+        return Target(in_unit(channel, unit))
+    except ValueError:
+        change = _COMMANDS.get((unit, channel.rpartition("_")[2]))
+        return Target(channel, *change) if change else None
+
+
 def _by_nickname(plain: str) -> str:
     """The channel's name for a column with a common other name, with the same unit if that ends it; '' if none."""
     stem, _, suffix = plain.rpartition("_")
@@ -354,7 +381,18 @@ def _toml(path: Path, what: str) -> dict[str, Any]:
     except OSError as error:
         raise ValueError(f"Cannot read the mapping {path}: {error.strerror}.") from error
     except ValueError as error:
+        _check_twice(path, what)
         raise ValueError(f'{what} is not TOML ({error}): write lines such as "Hdg" = "heading_deg".') from error
+
+
+def _check_twice(path: Path, what: str) -> None:
+    """Raises ValueError if two lines of a mapping name one column."""
+    lines: dict[str, int] = {}
+    for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
+        key = re.match(r"""\s*("(?:[^"\\]|\\.)*"|'[^']*'|[\w-]+)\s*=""", line)
+        name = key[1].strip("\"'") if key else ""
+        if name and lines.setdefault(name, number) != number:
+            raise ValueError(f"{what} names {name!r} twice, in lines {lines[name]} and {number}: keep one of them.")
 
 
 def _target(theirs: str, ours: Any) -> Target:

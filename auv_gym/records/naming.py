@@ -10,7 +10,7 @@ from typing import Final
 
 # For each channel, words or symbols that stand in other people's names for it.
 WORDS: Final[dict[str, tuple[str, ...]]] = {
-    "time_s": ("time", "timestamp", "t", "epoch", "juld", "seconds", "secs", "sec", "date", "datetime", "clock"),
+    "time_s": ("time", "timestamp", "t", "epoch", "juld", "seconds", "secs", "sec", "date", "datetime", "clock", "utc"),
     "heading_rad": ("heading", "hdg", "yaw", "psi", "head", "compass", "azimuth", "bearing"),
     "pitch_rad": ("pitch", "theta", "pitchang", "tilt", "trim"),
     "roll_rad": ("roll", "phi", "rollang", "heel", "bank"),

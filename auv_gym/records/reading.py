@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from auv_gym.channels import SEGMENT_COLUMNS, channel, conversion, is_flag, set_point_of
-from auv_gym.records.clocks import clocks_of
+from auv_gym.records.clocks import Clock, clocks_of
 from auv_gym.records.completing import completed, hydrography
 from auv_gym.records.formats import check_file, format_of
 from auv_gym.records.gliding import glide_speed
@@ -24,7 +24,7 @@ from auv_gym.records.mapping import (
     Names,
     Source,
     fitting_mappings,
-    is_known,
+    guessed,
     list_of,
     load_mapping,
     sources,
@@ -60,7 +60,7 @@ class Understood:
     """A log with its columns as channels, each group on its own times.
 
     by_channel: the sources of each channel, those in use first.  notes: what was left out or mended, a line each.
-    constants: channels that did not change and were not logged.  clocks: the column that holds time, by group.
+    constants: channels that did not change and were not logged.  clocks: of the groups without times of their own.
     derived: how a channel came about that follows from others.  glides: see `Names`.  epoch: when time 0 was, s since
     1970, where that is known.
     """
@@ -69,7 +69,7 @@ class Understood:
     streams: list[Stream]
     by_channel: dict[str, list[Source]]
     constants: dict[str, float]
-    clocks: dict[str, str]
+    clocks: dict[str, Clock]
     derived: dict[str, str]
     notes: list[str] = field(default_factory=list)
     glides: bool = False
@@ -152,11 +152,12 @@ def understood(log: Log, names: Names, needs: Needs) -> Understood:
     """The columns of a log as channels; raises where the mapping does not fit the log, or no column holds time."""
     notes = list(log.notes)
     clocks = clocks_of(log, names, notes)
-    taken = replace(names, left_out=names.left_out | {column for column, _ in clocks.values()})
+    held = {clock.column for clock in clocks.values()}
+    taken = replace(names, left_out=names.left_out | held)
     found, left_out = sources(log, taken)
     notes += left_out
     constants = _constants(log, names, found)
-    values, by_channel = _chosen(found, needs, {column for column, _ in clocks.values()}, notes)
+    values, by_channel = _chosen(found, needs, held, notes)
     streams, epoch = [], None
     for group in log.groups:
         own = values.get(id(group), {})
@@ -164,7 +165,7 @@ def understood(log: Log, names: Names, needs: Needs) -> Understood:
             continue
         if group.time is None and group.name not in clocks:
             continue
-        time = clocks[group.name][1] if group.time is None else group.time
+        time = clocks[group.name].times if group.time is None else group.time
         labels = _labels(group, found)
         streams.append(Stream(np.asarray(time, dtype=float), own, group.name, labels, group.near))
     finite = [float(np.nanmin(s.time)) for s in streams if np.isfinite(s.time).any()]
@@ -173,8 +174,7 @@ def understood(log: Log, names: Names, needs: Needs) -> Understood:
         streams = [replace(stream, time=stream.time - epoch) for stream in streams]
     streams, derived = completed(streams, constants, notes)
     glides = any(fitting.glides for fitting in fitting_mappings(log))
-    named = {name: column for name, (column, _) in clocks.items()}
-    return Understood(log, streams, by_channel, constants, named, derived, notes, glides, epoch)
+    return Understood(log, streams, by_channel, constants, clocks, derived, notes, glides, epoch)
 
 
 def find_log(name: str | Path) -> Path:
@@ -312,10 +312,9 @@ def _runs(segment: np.ndarray | None, size: int) -> list[slice]:
 
 def _missing(missing: Sequence[str], known: Understood) -> ValueError:
     """The error for channels that a vehicle requires and the log does not have, with what looks like them."""
-    columns = [(own, group.units.get(own)) for group in known.log.groups for own in group.columns]
     hints = ""
-    for name in missing:  # a column in metres is no pitch, whatever it is called
-        hints += looks_like(name, [own for own, unit in columns if unit is None or is_known(name, unit)])
+    for name in missing:
+        hints += looks_like(name, [c for group in known.log.groups for c in group.columns if guessed(group, c, name)])
     have = list_of(sorted({name for stream in known.streams for name in stream.values}))
     needed = " and ".join(missing) if len(missing) < 3 else ", ".join(missing)
     example = f'"their column" = "{missing[0]}"'

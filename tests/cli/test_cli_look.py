@@ -272,6 +272,19 @@ def dive_log(path, **changes):
     return write(path, columns | {name: change(columns) for name, change in changes.items()})
 
 
+def test_a_vehicle_that_has_no_use_for_the_motion_in_a_log_comes_later(tmp_path, capsys):
+    log = dive_log(tmp_path / "log.csv", heading_rad=lambda c: 0.001 * c["time_s"])
+    log.write_text(log.read_text().replace("buoyancy_volume_m3", "oil volume (m3)"))
+    assert main(["look", str(log)]) == 0
+    text = said(capsys)
+    assert text.index(" seaglider buoyancy_volume_m3. `oil volume (m3)`") < text.index(" mermaid none 2 channels")
+    assert text.endswith("where NAME is your vehicle: seaexplorer or seaglider or slocum_flight")
+    float_log = write(tmp_path / "float.csv", {"time_s": (0, 9, 18), "depth_m": (1, 2, 4), "oil_volume_m3": (1, 2, 1)})
+    assert main(["look", str(float_log)]) == 0
+    text = said(capsys)
+    assert text.index(" mermaid none 2 channels") < text.index(" seaglider buoyancy_volume_m3")
+
+
 def test_vehicles_that_would_refuse_the_log_are_not_named(tmp_path, capsys):
     log = dive_log(tmp_path / "log.csv")
     assert main(["look", str(log)]) == 0

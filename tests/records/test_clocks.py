@@ -53,6 +53,38 @@ def test_a_time_in_any_way_is_the_same_time(tmp_path, way):
     assert np.degrees(record["heading_rad"]) == pytest.approx(HEADING)
 
 
+@pytest.mark.parametrize(
+    "name",
+    [
+        "UTC", "Time (UTC)", "UTC time", "Date/Time", "datetime UTC", "Timestamp [UTC]", "Date", "DateTime", "GPS Time",
+        "Local time", "time_stamp", "Time Stamp", "ISO_time", "date and time", "Log.Time",
+    ],
+)  # fmt: skip
+def test_stamps_in_a_column_whose_name_speaks_of_time_are_its_time(tmp_path, name):
+    record = read_record(write(tmp_path / "log.csv", name, moments("%Y-%m-%dT%H:%M:%S.%fZ")))
+    assert record.time == pytest.approx(TIME)
+
+
+def test_the_time_of_day_beside_a_date_both_in_utc(tmp_path):
+    log = write(tmp_path / "log.csv", "Date (UTC),Time (UTC)", moments("%Y-%m-%d,%H:%M:%S.%f"))
+    assert read_record(log).attrs["start_epoch_s"] == pytest.approx(BEGIN.timestamp())
+
+
+def test_a_symbol_or_stamps_of_something_else_are_no_clock_beside_one(tmp_path):
+    times = [f"{300 - 0.1 * k},{k // 2},{t}" for k, t in enumerate(moments("%Y-%m-%dT%H:%M:%S.%f"))]
+    log = write(tmp_path / "log.csv", "t,seconds,UTC", times)
+    assert read_record(log).time == pytest.approx(TIME)
+    with pytest.raises(ValueError, match="There is no column time_s"):  # falls, as a temperature may
+        read_record(write(tmp_path / "log.csv", "t", [f"{300 - 0.1 * k}" for k in range(TIME.size)]))
+    with pytest.raises(ValueError, match="There is no column time_s"):
+        read_record(write(tmp_path / "log.csv", "calibrated", moments("%Y-%m-%dT%H:%M:%S.%f")))
+
+
+@pytest.mark.parametrize("unit, size", [("us", 1e-6), ("ns", 1e-9), ("min", 60.0), ("milliseconds", 1e-3)])
+def test_the_unit_that_the_header_states_of_the_time_counts(tmp_path, unit, size):
+    assert read_record(write(tmp_path / "log.csv", f"Time [{unit}]", counted(size))).time == pytest.approx(TIME)
+
+
 @pytest.mark.parametrize("way", ["ISO 8601", "with slashes", "as MATLAB writes it", "two columns"])
 def test_dates_keep_the_moment_at_which_a_log_begins(tmp_path, way):
     header, times = WAYS[way]

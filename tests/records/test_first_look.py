@@ -55,6 +55,64 @@ def test_the_mapping_it_writes_is_read_and_changes_nothing(log, tmp_path):
     assert read_record(log, path, NEEDS).has("rudder_rad")
 
 
+T = np.arange(0.0, 200.0, 2.0)
+STAMPS = np.datetime_as_string(np.datetime64("2024-05-31T23:58:00") + T.astype("timedelta64[s]"))
+CLOCKS = {
+    "epoch_ms": 1.7171e12 + 1e3 * T,
+    "timestamp_ns": [f"{1717100000 + int(t)}000000000" for t in T],
+    "Time [us]": 1e6 * T,
+    "time": 1.7171e9 + T,
+    "elapsed_min": T / 60.0,
+    "Time (h)": T / 3600.0,
+    "datenum": [f"{739321.5 + t / 86400.0:.10f}" for t in T],
+    "UTC": STAMPS,
+    "time_utc": [stamp[11:] for stamp in STAMPS],
+}
+SIGNALS = [
+    "heading_deg", "Hdg (deg)", "Pitch [degrees]", "yawrate_dps", "YawRate (deg/s)", "Depth [dbar]", "Depth (cm)",
+    "t1_pct", "Load (%)", "STW (kn)", "oil volume (cc)", "Temp (degC)", "Pressure [kPa]", "vbd ok (%)", "P_port (RPM)",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("clock", CLOCKS)
+def test_a_log_is_read_by_the_mapping_just_as_without(tmp_path, clock):
+    signals = {name: np.round(10.0 + np.sin(T / (k + 1)), 4) for k, name in enumerate(SIGNALS)}
+    log = write(tmp_path / "log.csv", {clock: CLOCKS[clock], **signals})
+    (tmp_path / "names.toml").write_text(mapping_text(look_at(log)))
+    before, after = read_record(log), read_record(log, tmp_path / "names.toml")
+    assert before.duration_s == pytest.approx(198.0, abs=1e-3)
+    assert before.names == after.names
+    assert before.attrs.get("start_epoch_s") == pytest.approx(after.attrs.get("start_epoch_s"))
+    assert before.time == pytest.approx(after.time, abs=2e-5)  # days since year 0 in double precision
+    assert all(np.array_equal(before[name], after[name]) for name in before.names)
+
+
+def test_a_guess_keeps_the_unit_that_the_column_states(tmp_path):
+    moved = np.round(np.sin(T), 4)
+    log = write(tmp_path / "log.csv", {"time_s": T, "Steering [deg]": moved, "thr_FP_pct": moved, "Oil (cc)": moved})
+    needs = Needs(("rudder_rad", "thr_fp_share", "buoyancy_volume_m3"))
+    text = mapping_text(look_at(log), [needs])
+    path = tmp_path / "names.toml"
+    path.write_text(text.replace('# "', '"'))
+    record = read_record(log, path, needs)
+    assert record["rudder_rad"] == pytest.approx(np.radians(moved))
+    assert record["thr_fp_share"] == pytest.approx(0.01 * moved)
+    assert record["buoyancy_volume_m3"] == pytest.approx(1e-6 * moved)
+
+
+def test_what_cannot_be_a_channel_is_not_offered_for_it(tmp_path):
+    moved = np.round(np.sin(T), 4)
+    others = {"vbd ok": T % 2, "vbd": 0 * T + 3, "ballast (V)": moved, "engine mode": ["climb"] * T.size}
+    look = look_at(write(tmp_path / "log.csv", {"time_s": T, "oil_volume_mL": moved, **others}))
+    needs = Needs(("depth_m", "buoyancy_volume_m3"))
+    assert list(look.offers("buoyancy_volume_m3", needs)) == ["oil_volume_mL"]
+    assert look.offers("buoyancy_volume_m3", Needs((*needs.required, "oil_volume_m3"))) == {}
+    lines = mapping_text(look, [needs]).splitlines()
+    assert '# "oil_volume_mL" = "buoyancy_volume_mL"' in lines
+    named = [line.removeprefix("# ").partition(" =")[0] for line in lines if " = " in line]
+    assert len(named) == len(set(named)), lines
+
+
 def test_names_that_toml_would_trip_over_are_quoted(tmp_path):
     odd = 'a "b"\\c [deg]'
     path = tmp_path / "log.csv"

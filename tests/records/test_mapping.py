@@ -166,3 +166,10 @@ def test_a_mapping_of_ours_wins_over_a_shipped_one():
     content = log(table(m_present_time=[0, 1], m_heading=[0, 1], m_depth=[1, 2]))
     found, _ = sources(content, load_mapping({"m_heading": "course_deg"}))
     assert taken(found)["m_heading"] == ("course_deg", 1.0, YOURS)
+
+
+def test_a_column_that_is_named_twice_is_said_with_both_lines(tmp_path):
+    path = tmp_path / "names.toml"
+    path.write_text('# mine\n"vbd ok" = "vbd_ok"\nHdg = "heading_deg"\n"vbd ok" = "buoyancy_volume_m3"\n')
+    with pytest.raises(ValueError, match=r"names 'vbd ok' twice, in lines 2 and 4: keep one of them\."):
+        load_mapping(path)

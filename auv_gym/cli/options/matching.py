@@ -46,6 +46,14 @@ class Matches:
         have = {target.name for target in self.turned[name].values()}
         return [one for one in self.found.missing(self.needs[name]) if one not in have]
 
+    @cached_property
+    def offers(self) -> dict[str, dict[str, list[str]]]:
+        """The columns that may be what a vehicle is missing, the likeliest first, by vehicle and missing channel."""
+        return {
+            name: {one: list(self.found.offers(one, needs)) for one in self.missing(name)}
+            for name, needs in self.needs.items()
+        }
+
     def used(self, name: str) -> int:
         """How many channels of the log a vehicle uses, those that are converted among them."""
         need = self.needs[name]
@@ -55,8 +63,9 @@ class Matches:
     def ranked(self) -> list[str]:
         """The vehicles, best match first.
 
-        In order: fewest missing channels, most columns that look like these, a thruster for each output that moves,
-        that of the log's source, fewest conversions, most channels used.
+        In order: fewest missing channels that no column looks like, a model that uses most of the motion that was
+        logged, fewest missing channels, a thruster for each output that moves, that of the log's source, fewest
+        conversions, most channels used.
         """
         return sorted(self.needs, key=self._places.__getitem__)
 
@@ -69,9 +78,7 @@ class Matches:
     @cached_property
     def guessed(self) -> bool:
         """Whether a column looks like a channel that one of the best vehicles is missing."""
-        from auv_gym.records.naming import candidates
-
-        return any(candidates(one, self.found.spare) for name in self.best for one in self.missing(name))
+        return any(found for name in self.best for found in self.offers[name].values())
 
     @property
     def fits(self) -> bool:
@@ -103,20 +110,28 @@ class Matches:
         body = self.plants[name].family.body
         return len(body.thrusters) if body is not None else 0
 
+    def _leaves_motion(self, name: str) -> bool:
+        """Whether a vehicle's model has no use for most of the motion that was logged, as a float has for attitudes."""
+        from auv_gym.channels import channel
+        from auv_gym.records.attitude import QUATERNION
+
+        needs = self.needs[name]
+        motion = {one for one in self.found.channels if channel(one).kind == "motion" and one not in QUATERNION}
+        return 2 * len(motion & {*needs.required, *needs.wanted}) < len(motion)
+
     @cached_property
-    def _places(self) -> dict[str, tuple[int, int, int, bool, int, int]]:
+    def _places(self) -> dict[str, tuple[int, bool, int, int, bool, int, int]]:
         """What the vehicles are ranked by, the least first."""
         from auv_gym.plant.record_check import moving_commands
         from auv_gym.records.mapping import fitting_mappings
-        from auv_gym.records.naming import candidates
 
         own = {fitting.vehicle for fitting in fitting_mappings(self.found.log)}
         moving = len(moving_commands(self.found.record)) if self.found.record is not None else 0
-        columns, missing = self.found.spare, {name: self.missing(name) for name in self.needs}
         return {
             name: (
-                len(missing[name]),
-                sum(not candidates(one, columns) for one in missing[name]),
+                sum(not found for found in self.offers[name].values()),
+                self._leaves_motion(name),
+                len(self.offers[name]),
                 abs(self.thrusters(name) - moving) if moving else 0,
                 name not in own,
                 len(self.turned[name]),
