@@ -7,6 +7,7 @@ from dataclasses import replace
 from time import perf_counter
 from typing import TypeVar
 
+from auv_gym.model import Diverged
 from auv_gym.plant import Plant
 from auv_gym.plant.record_check import described
 from auv_gym.records.record import Record
@@ -63,13 +64,24 @@ def diagnose(
 
     def timed(step: str, run: Callable[[], T]) -> T:
         begin = perf_counter()
-        found = run()
-        seconds[step] = seconds.get(step, 0.0) + perf_counter() - begin
-        return found
+        try:
+            return run()
+        finally:
+            seconds[step] = seconds.get(step, 0.0) + perf_counter() - begin
 
     def sought(log: CheckedLog, progress: Progress = progress) -> Searched:
         known = timed("fitting what is known", lambda: fit_known(log, progress))
         return timed("searching effects", lambda: search_effects(log, known, progress))
+
+    def judged(log: CheckedLog, searched: Searched, progress: Progress = progress) -> tuple[Diagnosis, CheckedLog]:
+        """The diagnosis by free runs that are as short as they must be to stay finite, and the log with these."""
+        try:
+            return timed("judging", lambda: judge(log, searched, source, progress)), log
+        except Diverged:
+            shorter = log.in_shorter_windows()
+            if shorter is None:
+                raise
+        return judged(shorter, searched, progress)
 
     def once_more(fraction: float, text: str) -> None:
         progress(0.9 + 0.1 * fraction, f"effects of only some logs: {text}")
@@ -84,7 +96,7 @@ def diagnose(
     searched = sought(brief)
     if brief is not log and searched.state is searched.nominal:  # what is weak needs all of the log
         searched, brief = sought(log), log
-    found = timed("judging", lambda: judge(brief, searched, source, progress))
+    found, brief = judged(brief, searched)
 
     def of_some_logs() -> tuple[Diagnosis, CheckedLog]:
         """The diagnosis with effects of only some of the logs, if these explain them, or that without."""
@@ -95,7 +107,7 @@ def diagnose(
         again = sought(own, once_more)
         if again.state is again.nominal:
             return found, brief
-        apart = timed("judging", lambda: judge(own, again, source, once_more))
+        apart, own = judged(own, again, once_more)
         return (apart, own) if apart.verdict in ("named", "tied") else (found, brief)
 
     if found.verdict == "unexplained" and len(logs_in(log.record)) > 1:

@@ -180,14 +180,18 @@ class Shooting(Parameters):
             starts[:, state] += unit * sizes[self.segments]
         return vector, starts
 
-    def solve(self, plant: Plant, paths: Sequence[str], max_iterations: int = 40) -> Point:
+    def solve(
+        self, plant: Plant, paths: Sequence[str], max_iterations: int = 40, guess: np.ndarray | None = None
+    ) -> Point:
         """The point of least cost over the paths and the starts, from the plant's values; Levenberg-Marquardt.
+
+        guess: of the starts, by default what the readings say.
 
         Slopes follow secants while steps succeed; where these stop gaining, the slopes are taken anew.
         The cost is the negative log-likelihood with one unknown variance per channel. Source: More 1978 (damping,
         bounds by projection), Nocedal and Wright 2006, ch. 10.
         """
-        here = self.point(plant.vector, self.first_guess, paths)
+        here = self.point(plant.vector, self.first_guess if guess is None else guess, paths)
         if not paths and self._short is not None:  # far from the given plant its guess may be no start at all
             other = self.point(plant.vector, self._with_shared(self.first_guess, plant), paths)
             here = min(here, other, key=lambda point: point.cost)

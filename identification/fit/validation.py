@@ -107,9 +107,16 @@ def head_windows(record: Record, windows: Sequence[slice], settle: float) -> lis
 
 
 def fitted_runs(plant: Plant, record: Record, windows: Sequence[slice]) -> FreeRuns:
-    """Free runs of a plant over windows of a record, each from the states that suit the whole window best."""
+    """Free runs of a plant over windows of a record, each from the states that suit the whole window best.
+
+    Raises Diverged.
+    """
     problem = Shooting(plant, record, windows)
-    return _runs(problem, plant, problem.solve(plant, ()).starts, np.ones(problem.runs.rows, dtype=bool))
+    point = problem.solve(plant, ())
+    if not np.isfinite(point.cost):  # it runs away from the first readings; of what suits a few seconds it may not
+        heads = Shooting(plant, record, head_windows(record, windows, plant.settle))
+        point = problem.solve(plant, (), guess=heads.solve(plant, ()).starts)
+    return _runs(problem, plant, point.starts, np.ones(problem.runs.rows, dtype=bool))
 
 
 def _runs(problem: Shooting, plant: Plant, starts: np.ndarray, scored: np.ndarray) -> FreeRuns:

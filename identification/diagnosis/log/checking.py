@@ -85,6 +85,20 @@ class CheckedLog:
         )
         return replace(self, record=self.record.with_notes([*self.record.notes, line]), parts=parts)
 
+    def in_shorter_windows(self) -> CheckedLog | None:
+        """The log with free runs half as long, None where these would hold too few samples.
+
+        For vehicles that run away in longer ones, as one that is unstable does with coefficients that it was not given.
+        """
+        window = 0.5 * self.window
+        windows = tuple(windows_of(self.record, part, window) for part in self.parts)
+        if not all(own and min(w.stop - w.start for w in own) >= LEAST_SAMPLES for own in windows):
+            return None
+        line = f"Free runs over {self.window:g} s diverge: they are {window:g} s long instead."
+        settle = min(self.settle, SETTLE_SHARE * window)
+        record = self.record.with_notes([*self.record.notes, line])
+        return replace(self, record=record, windows=windows, window=window, settle=settle)
+
 
 def check_log(record: Record, plant: Plant, asked: Asked) -> CheckedLog:
     """The record as it can be used.

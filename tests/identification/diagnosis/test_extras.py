@@ -1,6 +1,7 @@
 """Extras of a diagnosis that fail: the result stays, and every file says what is not in it."""
 
 import json
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ from identification.diagnosis.judge import judging, remaining, scoring
 from identification.experiments.heading_control import closed_loop
 from identification.pages import diagnosis_figures as figures
 from tests.identification.outline import Outline
+
+diagnosing = import_module("identification.diagnosis.diagnose")  # the package gives its function this name
 
 
 @pytest.fixture(scope="module")
@@ -107,6 +110,27 @@ def test_a_refit_with_which_free_runs_diverge_leaves_the_vehicle_as_given_in_its
     assert found.before.scores != whole.before.scores
     assert [f.what for f in found.failures] == [scoring.REFITTED]
     assert "heading_rad is not finite at 12.000 s" in found.failures[0].why
+
+
+def test_where_free_runs_diverge_shorter_ones_are_judged(log, whole, monkeypatch):
+    judge, lengths = diagnosing.judge, []
+
+    def judged(checked, *arguments):
+        lengths.append(checked.window)
+        if len(lengths) < 3:
+            raise Diverged(12.0, "heading_rad", {"heading_rad": 7.0})
+        return judge(checked, *arguments)
+
+    monkeypatch.setattr(diagnosing, "judge", judged)
+    found = diagnose(log, load_vehicle("slocum"))
+    assert found.window == pytest.approx(0.25 * whole.window)
+    assert lengths == pytest.approx([whole.window, 0.5 * whole.window, 0.25 * whole.window])
+    assert [e.path for e in found.effects] == [e.path for e in whole.effects]
+    assert any(f"Free runs over {whole.window:g} s diverge" in note for note in found.record.notes)
+    lengths.clear()
+    monkeypatch.setattr(diagnosing.CheckedLog, "in_shorter_windows", lambda self: None)
+    with pytest.raises(Diverged):
+        diagnose(log, load_vehicle("slocum"))
 
 
 def test_an_attempt_gives_what_was_made_or_the_substitute():

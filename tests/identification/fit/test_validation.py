@@ -1,5 +1,7 @@
 """Scores, free runs and residual tests against numbers worked out by hand or by theory."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -7,6 +9,7 @@ from scipy.signal import lfilter
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from identification.experiments.heading_control import closed_loop
+from identification.fit.shooting import Shooting
 from identification.fit.validation import fitted_runs, free_runs, input_correlation, score, whiteness
 
 
@@ -38,6 +41,22 @@ def test_free_runs_of_the_true_vehicle_leave_the_noise():
     assert scores.samples == 15 * 25
     assert noise * 0.9 < scores.rmse < 4 * noise
     assert whiteness(fitted.residual[:, 0], fitted.window).p_value > 1e-3
+
+
+def test_windows_whose_first_readings_a_vehicle_runs_away_from_begin_with_what_suits_their_first_seconds(monkeypatch):
+    plant = load_vehicle("slocum")
+    record = closed_loop(plant, rng=np.random.default_rng(3), duration=600.0, track_noise=None)
+    usual, solve = fitted_runs(plant, record, record.windows(120.0)), Shooting.solve
+
+    def lost(problem, plant, paths, max_iterations=40, guess=None):
+        found = solve(problem, plant, paths, max_iterations, guess)
+        if guess is not None or max(w.stop - w.start for w in problem.windows) < 20:
+            return found
+        return replace(found, starts=np.full_like(found.starts, np.nan), cost=np.inf)
+
+    monkeypatch.setattr(Shooting, "solve", lost)
+    found = fitted_runs(plant, record, record.windows(120.0))
+    assert np.std(found.residual) == pytest.approx(np.std(usual.residual), rel=0.02)
 
 
 def test_a_heading_error_beyond_half_a_turn_is_not_flattered():
