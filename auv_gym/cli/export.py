@@ -38,7 +38,8 @@ def export(
     out: Annotated[
         str | None,
         typer.Option(
-            help="File to write. Default: the vehicle's name. With minari: the data set's name, such as auv/dives-v0."
+            help="File to write; without an ending, .sdf, .casadi or .mat is added. Default: the vehicle's name. With "
+            "minari: the data set's name, such as auv/dives-v0."
         ),
     ] = None,
     log: Annotated[list[str] | None, typer.Option(help=f"With minari: a log, may be repeated. {logs.ANY_LOG}")] = None,
@@ -60,10 +61,12 @@ def export(
     if to is Form.minari:
         _to_minari(plant, out or f"{plant.name}/logs-v0", log or [], mapping, cache_dir)
         return
-    file = Path(out or f"{plant.name}{_ENDINGS[to]}")
+    file = Path(out) if out else Path(f"{plant.name}{_ENDINGS[to]}")
+    file = file if file.suffix else file.with_name(f"{file.name}{_ENDINGS[to]}")
     for line in _WRITERS[to](plant, file, continuous):
         output.print(line, soft_wrap=True, markup=False)
-    output.print(f"Written to {file}", soft_wrap=True, markup=False)
+    beside = f" and {file}.json" if to is Form.casadi else ""
+    output.print(f"Written to {file}{beside}", soft_wrap=True, markup=False)
 
 
 def _to_sdf(plant: Plant, file: Path, continuous: bool) -> list[str]:

@@ -19,11 +19,22 @@ def test_sdf_says_what_it_does_not_hold(tmp_path, capsys):
     assert ElementTree.parse(file).getroot().tag == "sdf"
 
 
+@pytest.mark.parametrize("form, ending, needed", [("sdf", ".sdf", "auv_gym"), ("control", ".mat", "control")])
+def test_a_file_without_an_ending_is_given_the_usual_one(tmp_path, capsys, form, ending, needed):
+    pytest.importorskip(needed, reason=f"the extra `{needed}` is not installed")
+    for given, written in (("boat", f"boat{ending}"), ("boat.v2", "boat.v2")):
+        assert main(["export", "npsauv", "--to", form, "--out", str(tmp_path / given)]) == 0
+        assert capsys.readouterr().out.rstrip().endswith(f"Written to {tmp_path / written}")
+        assert (tmp_path / written).exists()
+    assert {f.name for f in tmp_path.iterdir()} == {f"boat{ending}", "boat.v2"}
+
+
 def test_casadi_reads_the_function_that_was_written(tmp_path, capsys):
     ca = pytest.importorskip("casadi", reason="the extra `casadi` is not installed")
     file = tmp_path / "glider.casadi"
-    assert main(["export", "ganeshblue", "--to", "casadi", "--out", str(file)]) == 0
+    assert main(["export", "ganeshblue", "--to", "casadi", "--out", str(tmp_path / "glider")]) == 0
     told = capsys.readouterr().out
+    assert f"Written to {file} and {file}.json" in told
     assert "x: heading_rad, r_radps, north_m, east_m" in told
     assert "defaults of u, where not 0: u_mps = 0.3 m/s" in told
     rhs = ca.Function.load(str(file))
