@@ -31,10 +31,10 @@ from identification.changes.wording import (
     when_words,
 )
 from identification.deciding import BLOCKS
-from identification.diagnosis.wording import for_people, interval, quantity
+from identification.diagnosis.wording import for_people, interval, quantity, typeset
 from identification.pages.drawing import AFTER, BEFORE, QUIET, WIDTH
 from identification.pages.model_page import Section
-from identification.pages.page import Table, amount, drawn, page, span, typeset
+from identification.pages.page import Table, amount, drawn, page, span
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -111,7 +111,7 @@ def timeline_page(found: Timeline) -> str:
             Section(
                 "What is missing, and when",
                 [text],
-                [Table(("what", "size", "when", "evidence", "alternatives"), rows)] if rows else (),
+                [Table(("what", "size", "when", "evidence", "alternatives"), rows, closing=1)] if rows else (),
                 pictures,
             ),
             Section("The log", found.notes or ("Nothing was left out, repaired or cut.",)),
@@ -185,7 +185,7 @@ def series_page(found: Series) -> str:
             "interval of a trend allows for it.",
             *texts,
         ],
-        [Table(("what", "trend", "per", "scatter", "alternatives"), rows)],
+        [Table(("what", "trend", "per", "scatter", "alternatives"), rows, closing=1)],
         pictures,
     )
     content: dict[str, Any] = {
@@ -275,7 +275,7 @@ def _changes(found: Comparison) -> Table:
     for c in found.common:
         same = (amount(c.size.value, c.unit), span(c.size.ci95, c.unit))
         rows.append((c.title, same, same, ("–", ""), f"{c.evidence:.0f}", tied_words(c.tied, found.plant) or "–"))
-    return Table(("what", "before", "after", "change", "evidence", "alternatives"), rows)
+    return Table(("what", "before", "after", "change", "evidence", "alternatives"), rows, closing=1)
 
 
 def _steady(found: Comparison) -> Table:
@@ -299,8 +299,8 @@ def _size(value: float, u: Unchanged) -> str:
 
 
 def _typed(text: str) -> str:
-    """A number and its unit with a true minus sign and raised powers."""
-    return typeset(text.replace("-", "−"))
+    """A number and its unit with a true minus sign."""
+    return text.replace("-", "−")
 
 
 def change_figure(found: Comparison) -> Figure:

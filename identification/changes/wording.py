@@ -19,8 +19,8 @@ from identification.diagnosis.wording import capital, interval, quantity, sized
 
 _FAR = 3.0  # half intervals; a scatter beyond that many is no trend, but a change that asks for an explanation
 _WHEN = {  # an effect acts, by its form
-    BEFORE: "only before",
-    AFTER: "only after",
+    BEFORE: "in the earlier missions only",
+    AFTER: "in the later missions only",
     FROM: "from some time on",
     UNTIL: "until some time",
     GROWING: "growing",
@@ -54,7 +54,7 @@ def changed_words(c: Changed, plant: Plant) -> str:
 
 
 def tied_words(tied: Sequence[str], plant: Plant) -> str:
-    """What else would explain it, by title, with when it acts: `yaw moment (only after), rudder offset`."""
+    """What else would explain it, by title, with when it acts: `yaw moment (until some time), rudder offset`."""
     split = [name.rpartition(" ")[::2] for name in tied]
     return ", ".join(f"{spec_at(plant, path).title or path}{_when_of(form, path)}" for form, path in split)
 

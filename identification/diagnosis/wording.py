@@ -16,14 +16,23 @@ def quantity(value: float, unit: str, figures: int = 3) -> str:
     scale, unit = for_people(unit)
     value *= scale
     digits = f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:{'#' * (figures > 3)}.{figures}g}"
-    return f"{digits} {'' if unit == '1' else unit}".strip()
+    return typeset(f"{digits} {'' if unit == '1' else unit}".strip())
+
+
+def typeset(text: str) -> str:
+    """Powers as raised digits."""
+    for plain, raised in (("^2", "²"), ("^3", "³"), ("^4", "⁴")):
+        text = text.replace(plain, raised)
+    return text
 
 
 def for_people(unit: str) -> tuple[float, str]:
     """By what numbers in a unit are multiplied for people, and the unit that they have then."""
     if unit in ("rad", "rad/s", "rad/s^2"):
         return float(np.rad2deg(1.0)), unit.replace("rad", "deg")
-    return (1e6, unit.replace("m^3", "mL", 1)) if unit.startswith("m^3") else (1.0, unit)
+    if unit == "m3" or unit.startswith("m^3"):  # of a channel, of a parameter
+        return 1e6, unit.replace("m^3", "mL", 1).replace("m3", "mL", 1)
+    return 1.0, unit
 
 
 def interval(limits: tuple[float, float], unit: str) -> str:
@@ -72,5 +81,5 @@ def listed(items: Sequence[str], word: str = "and") -> str:
 
 
 def capital(text: str) -> str:
-    """A text as it begins a sentence."""
-    return f"{text[:1].upper()}{text[1:]}"
+    """A text as it begins a sentence; a name such as `thruster_2` stays as it is."""
+    return text if "_" in text.partition(" ")[0] else f"{text[:1].upper()}{text[1:]}"

@@ -6,8 +6,9 @@ Needs the extra `render`. A function takes a Diagnosis and returns a matplotlib 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from itertools import pairwise
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -49,6 +50,7 @@ PART_SHADES, SETTLE_SHADE = ("#f7f3e8", "#dbe8f4"), "#ececec"  # of the parts of
 CONTEXT = ("depth_m", "pitch_rad", "roll_rad", "u_mps", "w_mps", "altitude_m")
 CLEAR = 0.1  # correlation below which a signal is not worth a picture
 DOTS = 500  # of a scatter
+_TALL, _LOW = 36, 17  # characters that have room beside a panel of the close-up
 
 
 def svg(draw: Callable[[Diagnosis], Figure], diagnosis: Diagnosis, name: str, label: str) -> str:
@@ -60,7 +62,7 @@ def log_figure(d: Diagnosis) -> Figure:
     """Measured outputs, inputs and context over time, with the windows of the parts of the log shaded."""
     record, plant = d.record, d.given.plant
     outputs = list(d.after.every.channels)
-    inputs = [n for n in plant.inputs if record.has(n) and channel(n).kind == "input"]
+    inputs = [n for n in plant.inputs if record.has(n) and drives(n, plant.family.required)]
     context = [n for n in CONTEXT if record.has(n) and n not in outputs]
     heights = [1.5, *[1.0] * (len(outputs) - 1), *[1.0] * len(inputs), *[0.62] * len(context)]
     figure = new_figure(sum(heights) + 0.26 * len(heights) + 0.6)
@@ -95,6 +97,12 @@ def log_figure(d: Diagnosis) -> Figure:
     return figure
 
 
+def drives(name: str, required: Collection[str]) -> bool:
+    """Whether an input is a command, or another signal without which the vehicle cannot be simulated, but no motion."""
+    kind = channel(name).kind
+    return kind == "input" or (name in required and kind != "motion")
+
+
 def overview_figure(d: Diagnosis) -> Figure:
     """Free runs of the model in all windows over the measured outputs; the first one in strips."""
     names, clock = d.after.every.channels, Clock(d.record)
@@ -127,7 +135,7 @@ def zoom_figure(d: Diagnosis) -> Figure:
     """An output and the first input in two or three windows, unseen: worst before, typical, worst after."""
     picked, record, name = example_windows(d), d.record, most_improved(d)
     output = d.after.unseen.channels.index(name)
-    driver = next(iter(d.given.plant.family.required))
+    driver = (*d.given.plant.family.required, *d.given.plant.inputs)[0]
     figure = new_figure(4.0)
     panels = figure.subplots(2, len(picked), sharex="col", height_ratios=(2.6, 1.0), squeeze=False)
     for column, (title, number) in enumerate(picked):
@@ -152,8 +160,8 @@ def zoom_figure(d: Diagnosis) -> Figure:
             compass_ticks(top)
         downwards(top, name)
         bottom.set_xlabel("time since the window's start, s")
-    panels[0, 0].set_ylabel(quantity_label(name))
-    panels[1, 0].set_ylabel(quantity_label(driver))
+    panels[0, 0].set_ylabel(fill(quantity_label(name), _TALL))
+    panels[1, 0].set_ylabel(fill(quantity_label(driver), _LOW))
     handles, labels = panels[0, 0].get_legend_handles_labels()
     handles, labels = [*handles, patch(SETTLE_SHADE)], [*labels, "start fitted here, not scored"]
     figure.legend(handles=handles, labels=labels, loc="outside upper left", ncols=5)

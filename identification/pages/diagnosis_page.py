@@ -26,11 +26,11 @@ from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import candidates_of
 from identification.diagnosis.search.trials import Trial
-from identification.diagnosis.wording import listed, quantity
+from identification.diagnosis.wording import for_people, listed, quantity, typeset
 from identification.experiments.kinds import KINDS
 from identification.pages import diagnosis_figures, habitat_figure
 from identification.pages.drawing import require_render
-from identification.pages.page import Drawing, amount, both, drawing, number, page, span, typeset
+from identification.pages.page import Drawing, amount, both, drawing, number, page, span
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -125,6 +125,8 @@ GLOSSARY = {
     "horizon": "The scored length of a free run: the window without the first seconds, to which its start is fitted.",
     "residual": "Measured minus model.",
     "coefficient": "A parameter that the model always has, such as yaw damping. Coefficients are refitted first.",
+    "explained": "The share of the squared error of free runs, beyond the sensors' noise, that the effects remove. "
+    "What remains is tested on the errors of one-step predictions, which show much smaller faults than free runs.",
     "effect": "A physical effect that the model may or may not have, such as a rudder offset.",
     "neutral": "The value of an effect at which it does nothing.",
     "evidence": "Twice the gain in log-likelihood from adding a candidate. A negative value means a worse model.",
@@ -274,9 +276,14 @@ def _facts(d: Diagnosis) -> list[tuple[str, str, str]]:
         (str(sum(len(part) for part in d.windows)), "windows", f"free runs, in {_parts(d)} of the log"),
     ]
     if d.added:
-        share = max(d.explained, 0.0)
-        facts.append((f"{100.0 * share:.0f} %", "explained", "of the squared error above the noise"))
+        facts.append((_explained(d), "explained", "of the squared error of free runs above the sensors' noise"))
     return facts
+
+
+def _explained(d: Diagnosis) -> str:
+    """The share that the effects explain; all of it only where tests find nothing left."""
+    share = f"{100.0 * max(d.explained, 0.0):.0f} %"
+    return "> 99 %" if share == "100 %" and d.unexplained else share
 
 
 def _parts(d: Diagnosis) -> str:
@@ -382,7 +389,7 @@ def _fitted_value(trial: Trial) -> str:
         spec, value = spec_at(trial.state.plant, path), value_at(trial.state.plant, path)
         value = spec.neutral if abs(value - spec.neutral) < 1e-3 * spec.probe else value
         text = amount(value, spec.unit, sign=spec.neutral == 0.0)
-        text += "" if spec.neutral == 0.0 else f" (neutral {spec.neutral:g})"
+        text += "" if spec.neutral == 0.0 else f" (neutral {amount(spec.neutral, spec.unit)})"
         parts.append(f"{path.rpartition('.')[2].replace('_', ' ')} {text}" if len(trial.candidate.paths) > 1 else text)
     return "; ".join(parts)
 
@@ -435,7 +442,7 @@ def _effect(d: Diagnosis, e: Effect, titles: dict[str, str]) -> dict[str, Any]:
         "value": amount(e.value, e.unit, sign=signed),
         "si": both(e.value, e.unit).partition("(")[2].rstrip(")"),
         "interval": span(e.ci95, e.unit),
-        "interval_si": f"{number(e.ci95[0])} to {number(e.ci95[1])} {e.unit}" if e.unit in ("rad", "rad/s") else "",
+        "interval_si": _interval_si(e),
         "neutral": "" if signed else quantity(e.neutral, e.unit),
         "neutral_label": "neutral value",
         "evidence": (number(e.evidence_train), number(e.evidence_held)),
@@ -443,6 +450,13 @@ def _effect(d: Diagnosis, e: Effect, titles: dict[str, str]) -> dict[str, Any]:
         "probability": _percent(e.probability) if e.members else "",
         "alternatives": [_alternative(d, p, titles) for p in e.tied_with],
     }
+
+
+def _interval_si(e: Effect) -> str:
+    """The interval of an effect in SI, where people read it in another unit."""
+    if for_people(e.unit)[1] == e.unit:
+        return ""
+    return typeset(f"{number(e.ci95[0])} to {number(e.ci95[1])} {e.unit}")
 
 
 def _percent(probability: float | None) -> str:
@@ -478,6 +492,7 @@ def _ties(d: Diagnosis, titles: dict[str, str]) -> list[dict[str, Any]]:
     return [
         {
             "members": listed([titles.get(p, p) for p in group], "or"),
+            "first": titles.get(group[0], group[0]),
             "common": next((c.words(d.titles, d.reach) for c in d.common if next(iter(c.members)) == group[0]), ""),
             "apart": [(titles.get(p, p), apart[p]) for p in group if apart[p]],
         }
@@ -504,7 +519,7 @@ def _detectable(x: Detectable, plant: Plant, titles: dict[str, str]) -> dict[str
         "path": x.path,
         "seen": seen,
         "size": amount(x.size, x.unit) if seen else "",
-        "probe": typeset(quantity(probe, x.unit)),
+        "probe": quantity(probe, x.unit),
         "probes": number(x.size / probe, 2) if seen and probe > 0.0 else "",
         "reason": _worded(x.reason, titles),
     }

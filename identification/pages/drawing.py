@@ -101,8 +101,9 @@ def unit_label(name: str) -> str:
 
 
 def quantity_label(name: str) -> str:
-    """`heading, deg`: the words for a channel, and its unit."""
-    return f"{channel(name).label}, {unit_label(name)}"
+    """`heading, deg`: the words for a channel, and its unit if it has one."""
+    unit = unit_label(name)
+    return channel(name).label if unit in ("", "1") else f"{channel(name).label}, {unit}"
 
 
 def thinned(values: np.ndarray, most: int, cuts: Sequence[int] | np.ndarray = ()) -> np.ndarray:

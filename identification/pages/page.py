@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from identification.diagnosis.wording import for_people, typeset
 from identification.pages.drawing import require_render, svg
 
 if TYPE_CHECKING:
@@ -57,7 +58,8 @@ def drawn(draw: Callable[[], Figure], name: str, label: str, caption: str) -> Dr
 class Table:
     """A table of texts; of a cell that is a pair the second stands below the first.
 
-    words: how many columns come before those with numbers.  marked: rows that something is wrong with.
+    words: how many columns come before those with numbers.  closing: how many come after them, with words again.
+    marked: rows that something is wrong with.
     """
 
     heads: Sequence[str]
@@ -65,6 +67,7 @@ class Table:
     words: int = 1
     caption: str = ""
     marked: Sequence[int] = ()
+    closing: int = 0
 
 
 def number(value: float, digits: int = 3, sign: bool = False) -> str:
@@ -80,9 +83,9 @@ def number(value: float, digits: int = 3, sign: bool = False) -> str:
 
 
 def amount(value: float, unit: str, sign: bool = False, digits: int = 3) -> str:
-    """A value with its unit as people read it: angles and their rates in degrees."""
-    if unit in ("rad", "rad/s"):
-        value, unit = float(np.rad2deg(value)), unit.replace("rad", "deg")
+    """A value with its unit as people read it: angles and their rates in degrees, volumes in millilitres."""
+    scale, unit = for_people(unit)
+    value *= scale
     return typeset(f"{number(value, digits, sign)} {'' if unit == '1' else unit}".strip())
 
 
@@ -105,13 +108,6 @@ def span(limits: tuple[float, float], unit: str) -> str:
 
 def both(value: float, unit: str) -> str:
     """An amount, and in brackets the same in SI where that differs."""
-    if unit in ("rad", "rad/s"):
-        return f"{amount(value, unit)} ({number(value)} {unit})"
+    if for_people(unit)[1] != unit:
+        return f"{amount(value, unit)} ({typeset(f'{number(value)} {unit}')})"
     return amount(value, unit)
-
-
-def typeset(unit: str) -> str:
-    """Powers as raised digits."""
-    for plain, raised in (("^2", "²"), ("^3", "³"), ("^4", "⁴")):
-        unit = unit.replace(plain, raised)
-    return unit

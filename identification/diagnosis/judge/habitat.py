@@ -86,7 +86,8 @@ class Habitat:
     def summary(self) -> str:
         """A plain paragraph of what passes a test, corrected for the number of tests."""
         name, unit = channel(self.channel).label, channel(self.channel).unit
-        size = f"The remaining {name} error is {quantity(self.rms, unit)} RMS"
+        size = f"In runs whose starts are fitted to whole windows, the remaining {name} error is "
+        size += f"{quantity(self.rms, unit)} RMS"
         if len(self.channels) > 1 and 1.0 - self.certain < self.level:
             share = self.channels[self.channel]
             most = "most" if share > MOST_OF_ERROR else f"the largest part ({100 * share:.0f} %)"

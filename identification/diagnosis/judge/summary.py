@@ -7,6 +7,7 @@ import numpy as np
 from auv_gym.channels import channel
 from auv_gym.param import spec_at, value_at
 from identification.deciding import SLIGHT, STABLE, UNSTEADY
+from identification.diagnosis.judge.effects import Effect, Member
 from identification.diagnosis.judge.result import Result
 from identification.diagnosis.log.parts import logs_in
 from identification.diagnosis.wording import (
@@ -51,7 +52,7 @@ def _alike(d: Result) -> str:
 
 
 def _sentence(d: Result) -> str:
-    names = [e.told for e in d.effects]
+    names = [_with_likelier(e) for e in d.effects]
     if d.verdict == "doubted":
         doubt = d.doubts[0]
         if doubt.slip is not None:
@@ -76,6 +77,20 @@ def _sentence(d: Result) -> str:
     return f"The model is missing {count}: {'; '.join(names)}."
 
 
+def likelier(e: Effect) -> list[Member]:
+    """What a named effect is tied with and is more probable, to the percent; the most probable first."""
+    if e.probability is None:
+        return []
+    own = round(100.0 * e.probability)
+    return sorted((m for m in e.members if round(100.0 * m.probability) > own), key=lambda m: -m.probability)
+
+
+def _with_likelier(e: Effect) -> str:
+    """A named effect with its size, after what is more probable if there is any: the fit alone has no say in that."""
+    others = [sized(m.title, quantity(m.value, m.unit), interval(m.ci95, m.unit)) for m in likelier(e)]
+    return ", or ".join([*others, e.told])
+
+
 def _caution_sentence(d: Result) -> str:
     """What is doubted of a log that effects do not explain."""
     if d.verdict != "unexplained":
@@ -94,11 +109,12 @@ def unfinished_sentence(d: Result) -> str:
 
 
 def _tied_sentence(d: Result) -> str:
-    """The causes that the log cannot tell apart, with their probabilities."""
+    """The causes that the log cannot tell apart, with their probabilities, the most probable first."""
     if d.verdict != "tied":
         return ""
     titles, odds = d.titles, d.probabilities
-    groups = [listed([_with_odds(titles.get(p, p), odds.get(p)) for p in group], "or") for group in d.tied]
+    ordered = [sorted(group, key=lambda p: -round(100.0 * odds.get(p, 0.0))) for group in d.tied]
+    groups = [listed([_with_odds(titles.get(p, p), odds.get(p)) for p in group], "or") for group in ordered]
     return f"This log cannot tell apart: {'; '.join(groups)}."
 
 
@@ -115,12 +131,12 @@ def _likelier_sentence(d: Result) -> str:
     """The members of a tie that are more probable than the effect in the fitted vehicle, and why."""
     told = []
     for e in d.effects:
-        for m in e.members:
-            if e.probability is None or round(100.0 * m.probability) <= round(100.0 * e.probability):
-                continue
+        for m in likelier(e):
             spared = listed([short(d.titles.get(p, p)) for p in m.spared])
             why = f"with it, no {spared} is needed" if spared else "more of the sets that explain this log contain it"
-            told.append(f"{capital(short(m.title))} is more probable than {short(e.name)}: {why}.")
+            told.append(
+                f"{capital(short(m.title))} is more probable than {short(e.name)}, which the fitted vehicle has: {why}."
+            )
     return " ".join(told)
 
 
@@ -346,5 +362,10 @@ def _unseen_sentence(d: Result) -> str:
 
 
 def averaged_sentence(d: Result) -> str:
-    """The interval over which readings were averaged, or nothing."""
-    return f"Readings were averaged over {quantity(d.averaged, 's')}." if d.averaged else ""
+    """The interval over which readings were averaged and why, or nothing."""
+    if not d.averaged:
+        return ""
+    return (
+        f"The fit used readings averaged over {quantity(d.averaged, 's')}, since the log is so dense that this saves "
+        "time and loses almost no information."
+    )

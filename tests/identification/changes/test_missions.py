@@ -137,7 +137,7 @@ def test_a_change_whose_interval_contains_zero_is_none(monkeypatch):
 def test_what_else_would_explain_a_change_is_told_by_its_title():
     plant = load_vehicle("slocum")
     told = tied_words(("after effects.rudder.offset", "effects.yaw.moment"), plant)
-    assert told == "rudder offset (only after), constant yaw moment"
+    assert told == "rudder offset (in the later missions only), constant yaw moment"
     assert tied_words(("after hull.n_r",), plant).endswith(" (changed)")
     assert tied_words(("until effects.rudder.offset",), plant) == "rudder offset (until some time)"
     assert tied_words((), plant) == ""

@@ -1,6 +1,7 @@
 """The page and the picture of when effects act."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -58,6 +59,8 @@ def test_the_page_says_what_acts_when_and_stands_without_anything_found():
     for words in ("from 400 s on", "380 to 410 s", "growing from zero to this size", "yaw moment", "1234 candidates"):
         assert words in text
     assert "0.002 mL/s" in text
+    assert re.search(r'<th scope="col" class="n">evidence</th><th scope="col">alternatives</th>', text)
+    assert re.search(r"<td>[^<]*yaw moment", text)  # may wrap, as no number does
     assert "Two rows were dropped." in text
     nothing = timeline_page(timeline())
     assert "no known effect is missing at any time" in nothing

@@ -17,6 +17,7 @@ from auv_gym.records.record import Record, concat
 from identification.diagnosis import as_json, diagnose
 from identification.diagnosis.judge.result import RARE
 from identification.diagnosis.log.plausibility import Doubt
+from identification.diagnosis.search.discovery import Discovery
 from identification.diagnosis.search.remainder import Left
 from identification.diagnosis.wording import short
 from identification.experiments.heading_control import closed_loop
@@ -193,7 +194,7 @@ def test_random_pushes_are_said_and_what_they_leave_coloured(diagnosis, no_figur
     pushed = Noise({"heading_rad": 0.01}, {"r_radps": (0.001, 20.0)})
     text = Outline(diagnosis_page(replace(diagnosis, noise=pushed, left=Left(("heading_rad",), ("heading_rad",))))).text
     assert (
-        "Random accelerations push the vehicle (process noise): yaw rate 0.0573 deg/s^2 RMS with a correlation time of "
+        "Random accelerations push the vehicle (process noise): yaw rate 0.0573 deg/s² RMS with a correlation time of "
         "20 s." in text
     )
     assert "One-step prediction errors are correlated in time (heading) and come in bursts (heading)." in text
@@ -265,9 +266,36 @@ def test_numbers_for_people(value, text):
 def test_angles_are_in_degrees_and_units_in_print():
     assert amount(np.pi / 6.0, "rad", sign=True) == "+30.0 deg"
     assert amount(12.0, "N m s^2/rad^2") == "12.0 N m s²/rad²"
+    assert amount(2.03e-7, "m^3") == "0.203 mL"
+    assert amount(-1e-9, "m^3/s") == "−0.00100 mL/s"
+    assert amount(0.1, "rad/s^2") == "5.73 deg/s²"
     assert span((-np.pi, np.pi), "rad/s") == "−180 to 180 deg/s"
     assert span((1.7187, 1.7213), "m") == "1.719 to 1.721 m"  # a narrow one has a digit more
     assert span((2.0, 2.0), "m") == "2.00 to 2.00 m"
+
+
+@pytest.mark.parametrize(
+    "share, left, told",
+    [
+        (0.997, Discovery(load_vehicle("slocum"), (), None), "> 99 %"),
+        (0.997, None, "100 %"),
+        (0.987, Discovery(load_vehicle("slocum"), (), None), "99 %"),
+    ],
+)
+def test_not_all_of_the_error_is_said_to_be_explained_where_something_is_left(
+    diagnosis, no_figures, monkeypatch, share, left, told
+):
+    monkeypatch.setattr("identification.pages.diagnosis_page._rest", lambda d: [])
+    text = Outline(diagnosis_page(replace(diagnosis, explained=share, discovery=left, verdict="named"))).text
+    assert f"explained{told}of the squared error of free runs above the sensors' noise" in text
+
+
+def test_the_log_is_drawn_with_all_that_drives_the_vehicle():
+    glider, steered = load_vehicle("slocum_flight"), load_vehicle("slocum")
+    for plant, wanted in ((glider, ["buoyancy_volume_m3"]), (steered, ["rudder_rad", "bow_thruster_N"])):
+        drawn = [n for n in plant.inputs if figures.drives(n, plant.family.required)]
+        assert drawn[: len(wanted)] == wanted
+        assert not {"pitch_rad", "temperature_C", "heading_rad"} & set(drawn)
 
 
 def test_thinning_keeps_extremes_ends_and_breaks():

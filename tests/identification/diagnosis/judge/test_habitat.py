@@ -51,7 +51,9 @@ def test_errors_at_some_depths_are_found_there():
     assert low < 30.0 < 50.0 < high + 10.0
     assert found.found[0].error_share > 0.6 > 0.5 > found.found[0].sample_share
     assert re.match(
-        r"The remaining heading error is [\d.]+ deg RMS, most of the total remaining error: ", found.summary()
+        r"In runs whose starts are fitted to whole windows, the remaining heading error is [\d.]+ deg RMS, most of the "
+        r"total remaining error: ",
+        found.summary(),
     )
     assert re.search(r"of samples with depth between [\d.]+ and [\d.]+ m[;.]", found.summary())
     assert found.found[0].error.sum() == pytest.approx(1.0)

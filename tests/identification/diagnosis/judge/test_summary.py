@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -11,6 +12,9 @@ from identification.diagnosis.judge.summary import (
     _error_sentence,
     _halves_sentence,
     _likelier_sentence,
+    _sentence,
+    _tied_sentence,
+    averaged_sentence,
     dropped_sentence,
     left_sentence,
     noise_sentence,
@@ -38,7 +42,7 @@ ONSET = "`auv-gym onset` looks for when the effect begins or ends."
 def test_what_pushes_at_random_is_said_in_units_for_people(process, words):
     said = noise_sentence(SimpleNamespace(noise=Noise({"heading_rad": 0.01}, process)))  # type: ignore[arg-type]
     assert said.startswith(words)
-    assert ("deg/s^2 RMS with a correlation time of 12 s" in said) == ("r_radps" in process)
+    assert ("deg/s² RMS with a correlation time of 12 s" in said) == ("r_radps" in process)
     assert bool(said) == bool(process)
 
 
@@ -107,10 +111,39 @@ def test_a_member_that_is_likelier_than_the_effect_it_is_tied_with_is_said_to_be
         return _likelier_sentence(SimpleNamespace(effects=(effect,), titles=titles))  # type: ignore[arg-type]
 
     assert said(spared, 0.48) == (
-        "Rudder backlash is more probable than rudder deadband: with it, no rudder offset is needed."
+        "Rudder backlash is more probable than rudder deadband, which the fitted vehicle has: with it, no rudder "
+        "offset is needed."
     )
-    assert said(play, 0.48).endswith("rudder deadband: more of the sets that explain this log contain it.")
+    assert said(play, 0.48).endswith("vehicle has: more of the sets that explain this log contain it.")
     assert said(spared, 0.8) == said(spared, None) == ""
+
+
+@pytest.mark.parametrize(
+    "probability, words, order",
+    [
+        (0.48, "rudder backlash, 5.73 deg (95 % interval 0 to 11.5 deg), or rudder deadband, 5.73 deg", (0, 1)),
+        (0.7201, "rudder deadband, 5.73 deg", (1, 0)),  # as probable, to the percent
+        (0.8, "rudder deadband, 5.73 deg", (1, 0)),
+    ],
+)
+def test_a_tie_does_not_lead_with_what_is_less_probable(probability, words, order):
+    width = ("effects.rudder.deadband", "rudder deadband", 0.1, 0.0, "rad", (0.0, 0.2), 50.0, 40.0)
+    play = Member("effects.rudder.backlash", "rudder backlash", 0.72, 0.1, 0.0, "rad", (0.0, 0.2))
+    effect = Effect(*width, probability=probability, members=(play,))
+    titles = {play.path: play.title, effect.path: effect.title}
+    d: Any = SimpleNamespace(
+        verdict="tied", coefficients=(), effects=(effect,), tied=((effect.path, play.path),), titles=titles
+    )
+    d.probabilities = {play.path: play.probability, effect.path: probability}
+    assert _sentence(d).startswith(f"The model is missing an effect: {words}")
+    odds = "rudder backlash (72 %)", f"rudder deadband ({100.0 * probability:.0f} %)"
+    assert _tied_sentence(d) == f"This log cannot tell apart: {' or '.join(odds[k] for k in order)}."
+
+
+def test_readings_are_said_to_be_averaged_with_the_reason():
+    said = averaged_sentence(SimpleNamespace(averaged=0.6))  # type: ignore[arg-type]
+    assert said.startswith("The fit used readings averaged over 0.6 s, since the log is so dense that")
+    assert averaged_sentence(SimpleNamespace(averaged=0.0)) == ""  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("given, words", [(0.1, "As given, the model errs less: heading 5.73 deg. A refit"), (0.2, "")])
