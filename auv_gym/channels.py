@@ -104,6 +104,7 @@ _LISTED: Final = (
     Channel("altitude_m", "m", "height above the bottom"),
     Channel("pressure_dbar", "dbar", "sea pressure"),
     Channel("temperature_C", "degC", "water temperature"),
+    Channel("conductivity_Spm", "S/m", "conductivity of the water"),
     Channel("salinity_psu", "psu", "practical salinity"),
     Channel("density_kgpm3", "kg/m3", "water density"),
     Channel("density_gradient_kgpm4", "kg/m4", "water density's growth with depth"),
@@ -167,7 +168,7 @@ _SPELLINGS: Final[dict[str, str]] = {
     "degrees_Celsius": "C", "deg_C": "C", "kg/m3": "kgpm3", "kg m-3": "kgpm3", "kg/m^3": "kgpm3", "volt": "V",
     "volts": "V", "newton": "N", "newtons": "N", "N m": "Nm", "N.m": "Nm", "m/s2": "mps2", "m s-2": "mps2",
     "rad/s2": "radps2", "rad s-2": "radps2", "m3/s": "m3ps", "m3 s-1": "m3ps", "PSU": "psu", "1/min": "rpm", "%": "pct",
-    "S/m": "Spm", "m/s/s": "mps2",
+    "S/m": "Spm", "S m-1": "Spm", "mS/cm": "mSpcm", "mS cm-1": "mSpcm", "m/s/s": "mps2",
     "rad/s/s": "radps2", "m^3/s": "m3ps", "rpm": "rpm", "dps": "degps", "deg/sec": "degps", "psu": "psu",
     "pss-78": "psu",
 }  # fmt: skip

@@ -66,7 +66,7 @@ def look(
             write_text(mapping_out, mapping_text(found, wanted, matches.turned[matches.ranked[0]]))
         progress(1.0, "done")
     _print_head(found)
-    _print_signals(found, every)
+    _print_signals(matches, every)
     _print_list("Left out, repaired or cut", found.notes if every else logs.grouped(found.notes), every)
     refused = matches.refused
     told = [vehicle] if vehicle else list(refused) if all(refused.values()) else []
@@ -116,25 +116,31 @@ def _print_head(found: FirstLook) -> None:
         output.print(f"[bold yellow]What is {what}:[/] {escape(found.problem)}", soft_wrap=True)
 
 
-def _print_signals(found: FirstLook, every: bool) -> None:
-    used = [signal for signal in found.signals if signal.channel]
-    rest = [signal for signal in found.signals if not signal.channel]
-    ways = list(dict.fromkeys(signal.by for signal in used))
+def _print_signals(matches: Matches, every: bool) -> None:
+    from auv_gym.records.mapping import RULES
+
+    signals, kept = matches.found.signals, matches.kept
+    used = sorted((signal for signal in signals if signal.channel), key=lambda signal: signal.channel in kept)
+    rest = [signal for signal in signals if not signal.channel]
     shown = table("Signals", "column", "channel!", "rule>", "samples>", "every>", "gaps>", "range")
     rows = [*used, *(rest if every else rest[: max(0, _MOST - len(used))])]
     for signal in rows:
-        by = str(ways.index(signal.by) + 1) if signal.channel else ""
-        shown.add_row(*(escape(cell) for cell in _cells(signal, by)))
+        rule = str(RULES.get(signal.by, 2)) if signal.channel else ""
+        shown.add_row(*(escape(cell) for cell in _cells(signal, rule, " *" * (signal.channel in kept))))
     output.print(shown)
-    if len(rows) < len(found.signals):
-        output.print(f"{len(found.signals) - len(rows)} more columns are not shown: use --all.")
-    for number, way in enumerate(ways, 1):
+    if len(rows) < len(signals):
+        output.print(f"{len(signals) - len(rows)} more columns are not shown: use --all.")
+    for way in sorted({signal.by for signal in used}, key=lambda way: (RULES.get(way, 2), way)):
         count = sum(signal.by == way for signal in used)
-        output.print(f"Rule {number}: {escape(way)} ({count} column{'s' * (count != 1)})")
+        said = escape(way if way in RULES else f"a shipped mapping, {way}")
+        output.print(f"Rule {RULES.get(way, 2)}: {said} ({count} column{'s' * (count != 1)})")
+    if kept:
+        whose = next(iter(matches.needs)) if len(matches.needs) == 1 else "any preset"
+        output.print(f"* Kept in the record, but no input or output of {escape(whose)}.")
     output.print()
 
 
-def _cells(signal: SignalLook, by: str) -> Sequence[str]:
+def _cells(signal: SignalLook, rule: str, mark: str) -> Sequence[str]:
     import numpy as np
 
     from identification.pages.drawing import shown_values, unit_label
@@ -147,7 +153,7 @@ def _cells(signal: SignalLook, by: str) -> Sequence[str]:
     extent = f"{ends[0]:.4g} to {ends[1]:.4g} {unit}" if np.isfinite(ends).all() else unit
     gaps = str(signal.gaps) if signal.gaps else ""
     taken = "same name" if signal.channel == signal.column else signal.channel
-    return signal.column, taken, by, f"{signal.samples:,}", every, gaps, extent.rstrip()
+    return signal.column, taken + mark, rule, f"{signal.samples:,}", every, gaps, extent.rstrip()
 
 
 def _print_list(title: str, lines: Sequence[str], every: bool) -> None:

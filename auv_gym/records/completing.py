@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -14,6 +15,15 @@ from auv_gym.records.merging import Stream
 
 _ANGLES = ("roll_rad", "pitch_rad", "heading_rad")
 _MIDDLE = 45.0  # deg of latitude
+# For each channel, those that it may follow from where it was not measured.
+SOURCES: Final[dict[str, tuple[str, ...]]] = {
+    **dict.fromkeys(_ANGLES, (*QUATERNION, *QUATERNION_ENU_FLU)),
+    "heading_rad": (*QUATERNION, *QUATERNION_ENU_FLU, "heading_magnetic_rad", "magnetic_variation_rad"),
+    "depth_m": ("pressure_dbar", "latitude_rad"),
+    "density_kgpm3": (
+        "salinity_psu", "conductivity_Spm", "temperature_C", "pressure_dbar", "latitude_rad", "longitude_rad",
+    ),
+}  # fmt: skip
 
 
 def completed(

@@ -11,6 +11,7 @@ from typing import Any, cast
 import numpy as np
 
 from auv_gym.channels import CHANNELS, SEGMENT_COLUMNS, conversion, in_unit, known_suffixes
+from auv_gym.records.completing import SOURCES
 from auv_gym.records.formats import format_of
 from auv_gym.records.log import Column, Group, Log, Scope
 from auv_gym.records.mapping import YOURS, Source, Target, guessed, is_known, load_mapping
@@ -71,6 +72,14 @@ class FirstLook:
     def channels(self) -> set[str]:
         """The channels that a record of the log has."""
         return set() if self.record is None else set(self.record.names)
+
+    def uses(self, needs: Needs) -> set[str]:
+        """The channels that a vehicle takes from the log, those among them from which others of these follow."""
+        wanted = {*needs.required, *needs.wanted}
+        measured = set(self.known.by_channel) if self.known else set()
+        sources = {source for name, others in SOURCES.items() if name in wanted - measured for source in others}
+        commands = {command_for(name) for name in set(needs.required) - measured}
+        return (self.channels | measured) & (wanted | sources | commands)
 
     def offers(self, channel: str, needs: Needs) -> dict[str, Target]:
         """The columns that look like a channel that a vehicle is missing, the likeliest first, with their targets.
@@ -299,7 +308,7 @@ def _signal(
     if source is not None:
         target, values = source.target.channel_and_values(values, source.unit)
         of, unit = target.name, target.unit
-        by = source.by or "its name and unit"
+        by = source.by
     there = np.isfinite(values)
     interval, gaps = sampling(there)
     low, high = (float(np.min(values[there])), float(np.max(values[there]))) if there.any() else (np.nan, np.nan)

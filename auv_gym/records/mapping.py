@@ -25,7 +25,9 @@ from auv_gym.records.naming import NICKNAMES, WORDS, is_commanded
 MappingLike = Mapping[str, Any] | str | Path | None
 YOURS = "your mapping"
 NICKNAME = "a common name of it, and its unit"
+OWN = "its name and unit"
 FIELD = "its name in the message"
+RULES = {YOURS: 1, OWN: 3, NICKNAME: 3, FIELD: 4}  # as docs/logs.md counts them; 2 is that of the shipped mappings
 TIMES = ("time_s", "time_ms", "time_min", "time_h")
 DATED = frozenset({"time", "timestamp", "datetime", "date_time", "time_utc", "time_iso"})  # in lower case
 _FEW, _MANY = 4, 25  # fields of a message that a note lists; topics that get a note each
@@ -124,7 +126,7 @@ class Source:
     column: str
     target: Target
     unit: str | None = None
-    by: str = ""  # YOURS, NICKNAME, FIELD, the title of a shipped mapping, or '' where its own name says it all
+    by: str = OWN  # or YOURS, NICKNAME, FIELD, the title of a shipped mapping
 
     @property
     def channel(self) -> Channel:
@@ -196,7 +198,7 @@ def _fields(log: Log, given: set[str]) -> list[Source]:
                 continue
             told = source.channel
             if told.name in CHANNELS and (told.kind in ("input", "command") or not is_commanded("/".join(parts[:-1]))):
-                found.setdefault(told.name, []).append(replace(source, by=source.by or FIELD))
+                found.setdefault(told.name, []).append(replace(source, by=FIELD))
     return [own[0] for own in found.values() if len(own) == 1]
 
 
@@ -314,7 +316,7 @@ def _by_itself(group: Group, column: str, called: str = "") -> Source:
     if target is None:  # a channel that we do not list, under its name without the unit in brackets
         target = plain if bare != name and plain in known else (known or [name])[0]
     conversion(target, unit)
-    return Source(group, column, Target(target), unit, by=NICKNAME if target == nickname else "")
+    return Source(group, column, Target(target), unit, by=NICKNAME if target == nickname else OWN)
 
 
 def guessed(group: Group, column: str, channel: str) -> Target | None:

@@ -14,6 +14,7 @@ from auv_gym.records.record import RARER
 from auv_gym.records.time_axis import SAME, gap_limit
 
 _LEADING = ("heading_rad", "depth_m")  # where no vehicle says which channel it cannot do without
+_SHUFFLED = 0.1  # share of rows that are earlier than the one before, from which a log was not written in this order
 _SLOWEST = 10.0  # intervals of the base; a motion that is sampled more slowly says nothing of what it did in between,
 _SOON = 2.0  # s, unless it is sampled at least so often: underwater, nothing goes far in that time
 
@@ -23,7 +24,7 @@ class Stream:
     """Channels that share their times: a group of a log after its mapping.
 
     time: (n,), s, as the rows stand in the file.  values: (n,) each, by channel, NaN where missing.
-    labels: of segments, one a row, or None.  near: see `Group.near`.
+    labels: of segments, one a row, or None.  near: see `Group.near`.  dated: whether the times are dates.
     part: (n,), counts up where the clock was set back; filled in by `in_order`.
     """
 
@@ -32,6 +33,7 @@ class Stream:
     name: str = ""
     labels: np.ndarray | None = None
     near: float | None = None
+    dated: bool = False
     part: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
 
     def rows(self, kept: np.ndarray) -> Stream:
@@ -108,6 +110,7 @@ def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
 def in_order(stream: Stream, notes: list[str]) -> Stream:
     """The rows with rising times: late rows sorted in, rows of one time merged, a new part where the clock went back.
 
+    Dated rows of which many are earlier than the one before were shuffled, and all of them are sorted.
     A line on each goes to the notes.
     """
     known = np.isfinite(stream.time)
@@ -119,6 +122,10 @@ def in_order(stream: Stream, notes: list[str]) -> Stream:
     if n > 2 and (np.diff(stream.time) < 0.0).all():
         notes.append(f"The rows{where} run backwards in time and were turned round.")
         stream = stream.rows(np.arange(n)[::-1])
+    earlier = np.diff(stream.time) < 0.0
+    if stream.dated and n > 2 and earlier.mean() > _SHUFFLED:
+        notes.append(f"The rows{where} were in no order and were sorted by their dates.")
+        stream = stream.rows(np.argsort(stream.time, kind="stable"))
     runs = np.zeros(n, dtype=int)
     if stream.labels is not None:
         runs[1:] = np.cumsum(stream.labels[1:] != stream.labels[:-1])
@@ -138,7 +145,7 @@ def in_order(stream: Stream, notes: list[str]) -> Stream:
     same = np.r_[False, (np.diff(stream.time) == 0.0) & (np.diff(stream.part) == 0)]
     if same.any():
         count = int(same.sum())
-        rounded = "; the times may be rounded" if count > n // 4 else ""
+        rounded = "; the times may be rounded" if count > n // 4 else _on_conflicts(stream, same)
         notes.append(
             f"{_counted(count, 'row')}{where} {_had(count)} the time of the row before and {_were(count)} merged with "
             f"it{rounded}."
@@ -209,6 +216,14 @@ def _merged_rows(stream: Stream, same: np.ndarray) -> Stream:
         result[group[there]] = column[there]  # of several, the last one stays
         values[name] = result
     return replace(stream.rows(first), values=values)
+
+
+def _on_conflicts(stream: Stream, same: np.ndarray) -> str:
+    """Words on the channels in which rows of one time contradict each other; '' where there are none."""
+    at = np.flatnonzero(same)
+    counts = {name: int(np.sum(np.abs(column[at] - column[at - 1]) > 0.0)) for name, column in stream.values.items()}
+    listed = ", ".join(f"{name} in {count:,}" for name, count in counts.items() if count)
+    return f"; they differ in {listed} of these rows, where the last value is kept" if listed else ""
 
 
 def _common_clock(streams: list[Stream], notes: list[str]) -> list[Stream]:

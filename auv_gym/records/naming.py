@@ -41,7 +41,9 @@ WORDS: Final[dict[str, tuple[str, ...]]] = {
 NICKNAMES: Final[dict[str, str]] = {
     "yaw": "heading", "hdg": "heading", "yaw_rate": "r", "yawrate": "r", "pitch_rate": "q", "pitchrate": "q",
     "roll_rate": "p", "rollrate": "p", "prop_rpm": "propeller_rpm", "prop": "propeller", "rudder_angle": "rudder",
-    "sternplane": "stern_plane", "stern_plane_angle": "stern_plane",
+    "sternplane": "stern_plane", "stern_plane_angle": "stern_plane", "temp": "temperature",
+    "water_temp": "temperature", "water_temperature": "temperature", "sal": "salinity", "psal": "salinity",
+    "practical_salinity": "salinity", "cond": "conductivity",
 }  # fmt: skip
 _COMMANDED = frozenset(
     {"cmd", "c", "command", "commanded", "desired", "des", "target", "setpoint", "sp", "ref", "goal", "d"}

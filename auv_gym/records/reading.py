@@ -165,9 +165,9 @@ def understood(log: Log, names: Names, needs: Needs) -> Understood:
             continue
         if group.time is None and group.name not in clocks:
             continue
-        time = clocks[group.name].times if group.time is None else group.time
-        labels = _labels(group, found)
-        streams.append(Stream(np.asarray(time, dtype=float), own, group.name, labels, group.near))
+        time = np.asarray(clocks[group.name].times if group.time is None else group.time, dtype=float)
+        dated = group.time is None and bool(np.nanmin(time, initial=np.inf) > _EPOCH_FROM)
+        streams.append(Stream(time, own, group.name, _labels(group, found), group.near, dated))
     finite = [float(np.nanmin(s.time)) for s in streams if np.isfinite(s.time).any()]
     if finite and max(finite) > _EPOCH_FROM:
         epoch = min(value for value in finite if value > _EPOCH_FROM)

@@ -521,7 +521,10 @@ def _nothing_left(dataset: xr.Dataset, mask: np.ndarray) -> str:
             f"Nothing is left of {size} samples once those without a value are dropped; {fewest!r} has "
             f"{counts[fewest]} values. Leave that channel out, or record it at every sample."
         )
-    return f"Nothing is left: {int(mask.sum())} of {size} samples are selected, and no two in a row. Select more."
+    return (
+        f"Nothing is left: {int(mask.sum())} of {size} samples are selected, and no two in a row. A log needs at least "
+        "2 samples in a row, and many more for a fit or a diagnosis: give a longer log, or select more of it."
+    )
 
 
 def _checked(dataset: xr.Dataset) -> xr.Dataset:

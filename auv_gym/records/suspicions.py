@@ -58,6 +58,7 @@ _BLOCK = 1.0  # s, at least, over which rates are integrated
 _LEAST = 30  # blocks
 _MOST_OF_A_TURN = 5.5  # rad
 _MANY_TURNS = 20.0 * pi  # rad; a heading that is counted over more is rare
+_SPIKE, _SPIKES, _FASTEST = 2.0, 10.0, 2.0  # m, usual steps, and m/s: a depth further aside for one sample is none
 _FOLDED = 1.0  # rms step of an angle, rad; pi / sqrt(3) where it is folded at random
 
 
@@ -66,7 +67,7 @@ def suspicions(known: Understood, record: Record | None) -> list[str]:
     with np.errstate(all="ignore"):  # a damaged file may hold any number
         found = [*_impossible(known), *_wrapped(known)]
         if record is not None:
-            found += [*_folded(record), *_against_rates(record), *_against_depth(record)]
+            found += [*_spikes(record), *_folded(record), *_against_rates(record), *_against_depth(record)]
     return found
 
 
@@ -131,6 +132,29 @@ def _wrapped(known: Understood) -> list[str]:
                     f'{name}: map it to "heading_rad" if it is clockwise from north.'
                 )
     return found
+
+
+def _spikes(record: Record) -> list[str]:
+    """Single depths far beside those before and after them."""
+    if not record.has("depth_m"):
+        return []
+    depth, aside = record["depth_m"], np.zeros(len(record))
+    for part in record.segments:
+        own = depth[part]
+        if own.size > 2:
+            aside[part][1:-1] = own[1:-1] - np.clip(own[1:-1], *np.sort([own[:-2], own[2:]], axis=0))
+    usual = float(np.median(np.abs(np.diff(depth))))
+    spikes = np.abs(aside) > max(_SPIKE, _SPIKES * usual, _FASTEST * record.sample_interval)
+    count = int(spikes.sum())
+    if not count:
+        return []
+    many = count > 1
+    return [
+        f"depth_m has {count:,} reading{'s' * many} that {'jump' if many else 'jumps'} by up to "
+        f"{np.abs(aside).max():.3g} m and back ({'the first ' * many}at {record.time[np.argmax(spikes)]:.6g} s). "
+        f"{'They stay' if many else 'It stays'} in the record, where a diagnosis of steady flight is cut at each: "
+        f"remove {'them' if many else 'it'} from the file."
+    ]
 
 
 def _folded(record: Record) -> list[str]:

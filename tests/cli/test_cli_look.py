@@ -285,6 +285,34 @@ def test_a_vehicle_that_has_no_use_for_the_motion_in_a_log_comes_later(tmp_path,
     assert text.index(" mermaid none 2 channels") < text.index(" seaglider buoyancy_volume_m3")
 
 
+def test_channels_that_are_only_kept_are_marked_and_rules_numbered_as_in_the_docs(log, tmp_path, capsys):
+    table = log.read_text().splitlines()
+    others = "STW (kn),Prop (RPM),Temp (degC)"
+    log.write_text("\n".join([f"{table[0]},{others}", *(f"{row},{k},{k},9" for k, row in enumerate(table[1:]))]))
+    names = tmp_path / "names.toml"
+    names.write_text('m_fin = "rudder_rad"\n')
+    assert main(["look", str(log), "--vehicle", "slocum", "--mapping", str(names)]) == 0
+    text = said(capsys)
+    assert "m_fin rudder_rad 1 100" in text
+    assert "heading_deg heading_rad 3 100" in text
+    assert "STW (kn) stw_mps * 3 100" in text
+    assert "Temp (degC) temperature_C * 3 100" in text
+    assert "Rule 1: your mapping (1 column) Rule 3: " in text
+    assert "* Kept in the record, but no input or output of slocum." in text
+    assert main(["look", str(log), "--mapping", str(names)]) == 0
+    text = said(capsys)
+    assert "Prop (RPM) propeller_rpm 3 100" in text  # of an AUV
+    assert "STW (kn) stw_mps * 3 100" in text
+
+
+def test_a_log_that_spikes_cut_is_not_to_be_diagnosed_with_others(tmp_path, capsys):
+    log = dive_log(tmp_path / "log.csv", depth_m=lambda c: c["depth_m"] + 90.0 * (c["time_s"] % 90.0 == 80.0))
+    assert main(["look", str(log), "--vehicle", "seaglider"]) == 0
+    text = said(capsys)
+    assert "Looks wrong - depth_m has 44 readings that jump by up to 89 m and back (the first at 80 s)." in text
+    assert "Next: first correct what looks wrong, since a diagnosis would refuse this log." in text
+
+
 def test_vehicles_that_would_refuse_the_log_are_not_named(tmp_path, capsys):
     log = dive_log(tmp_path / "log.csv")
     assert main(["look", str(log)]) == 0

@@ -128,3 +128,13 @@ def test_a_log_that_runs_backwards_is_turned_round(tmp_path):
     assert record.time == pytest.approx(TIME)
     assert np.degrees(record["heading_rad"]) == pytest.approx(HEADING)
     assert "The rows run backwards in time and were turned round." in record.notes
+
+
+def test_rows_with_dates_in_no_order_are_sorted(tmp_path):
+    path = write(tmp_path / "log.csv", "time", moments("%Y-%m-%dT%H:%M:%S.%f"))
+    header, *rows = path.read_text().splitlines()
+    path.write_text("\n".join([header, *np.random.default_rng(0).permutation(rows)]) + "\n")
+    record = read_record(path)
+    assert record.time == pytest.approx(TIME)
+    assert np.degrees(record["heading_rad"]) == pytest.approx(HEADING)
+    assert "The rows were in no order and were sorted by their dates." in record.notes

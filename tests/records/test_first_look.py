@@ -211,3 +211,20 @@ def test_a_heading_of_a_few_turns_is_not_taken_for_degrees(tmp_path, heading, do
     t = np.arange(0.0, 160.0)
     doubts = look_at(write(tmp_path / "log.csv", {"time_s": t, "heading_rad": heading(t)})).doubts
     assert any('map it to "heading_deg"' in doubt for doubt in doubts) == doubted
+
+
+def test_what_a_vehicle_uses_includes_what_its_channels_follow_from(tmp_path):
+    water = {"Temp (degC)": T, "Cond (mS/cm)": T, "Sal (PSU)": T}
+    look = look_at(write(tmp_path / "log.csv", {"time_s": T, "pressure_dbar": T, "rudder_cmd_rad": T, **water}))
+    assert look.uses(Needs(("depth_m", "rudder_rad"))) == {"depth_m", "pressure_dbar", "rudder_cmd_rad"}
+    assert look.uses(Needs((), ("density_kgpm3",))) >= {"temperature_C", "salinity_psu", "conductivity_Spm"}
+    measured = look_at(write(tmp_path / "b.csv", {"time_s": T, "pressure_dbar": T, "depth_m": T}))
+    assert measured.uses(Needs(("depth_m",))) == {"depth_m"}
+
+
+def test_a_depth_that_jumps_and_returns_at_once_is_doubted(tmp_path):
+    yo = 50.0 + 20.0 * np.abs(T % 80.0 - 40.0) / 40.0
+    spiked = np.where((T == 60.0) | (T == 90.0), 99.9, yo)
+    (doubt,) = look_at(write(tmp_path / "log.csv", {"time_s": T, "depth_m": spiked})).doubts
+    assert doubt.startswith("depth_m has 2 readings that jump by up to 38.9 m and back (the first at 60 s).")
+    assert look_at(write(tmp_path / "log.csv", {"time_s": T, "depth_m": yo})).doubts == ()

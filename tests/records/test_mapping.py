@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from auv_gym.records.log import Group, Log
-from auv_gym.records.mapping import FIELD, NICKNAME, YOURS, fitting_mappings, load_mapping, shipped, sources
+from auv_gym.records.mapping import FIELD, YOURS, fitting_mappings, load_mapping, shipped, sources
 
 ODOMETRY = ["pose.pose.position.x", "pose.pose.position.y", "pose.pose.position.z"]
 
@@ -95,7 +95,7 @@ def test_a_field_that_is_called_as_a_channel_needs_no_mapping():
     assert {s.column: (s.channel.name, s.by) for s in found} == {
         "cmd/rudder_rad": ("rudder_rad", FIELD),
         "state.depth_m": ("depth_m", FIELD),
-        "state.yaw_deg": ("heading_rad", NICKNAME),
+        "state.yaw_deg": ("heading_rad", FIELD),
     }
     assert notes == ["state: 1 column (gain) left out, since no mapping names it."]
 

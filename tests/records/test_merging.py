@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
@@ -64,6 +66,30 @@ def test_what_was_read_at_the_times_of_some_rows_tells_nothing_at_the_others():
     assert list(found.intervals) == ["depth_m"]  # one of its readings lies between rows
     assert found.values["pitch_rad"][1:20] == pytest.approx(0.1 * np.arange(1, 20))
     assert found.values["v_mps"][every] == pytest.approx(0.1 * every, abs=1e-6)
+
+
+def test_rows_of_one_time_that_contradict_each_other_are_told_by_channel():
+    notes = []
+    twice = np.r_[0:10, 10, 10, 10:20].astype(float)
+    row = np.arange(twice.size, dtype=float)
+    found = in_order(stream(twice, depth_m=np.where(row == 11, 99.9, 5.0), pitch_rad=0.1 + 0 * row), notes)
+    assert found.values["depth_m"][10] == 5.0
+    assert notes == [
+        "2 rows have the time of the row before and were merged with it; they differ in depth_m in 2 of these rows, "
+        "where the last value is kept."
+    ]
+
+
+def test_dated_rows_in_no_order_are_sorted_and_a_clock_without_dates_is_left_as_it_is():
+    time = np.random.default_rng(1).permutation(200) * 10.0
+    shuffled, notes = stream(time, depth_m=time), []
+    found = in_order(replace(shuffled, dated=True), notes)
+    assert found.time.tolist() == found.values["depth_m"].tolist() == sorted(time)
+    assert notes == ["The rows were in no order and were sorted by their dates."]
+    in_order(shuffled, notes)
+    assert "late or out of order" in notes[1]
+    back = stream(np.r_[0:100, 50:150], depth_m=np.arange(200))  # set back once, as when it is set by GPS
+    assert in_order(replace(back, dated=True), notes).part[-1] == 1
 
 
 def test_measurements_are_not_interpolated_across_a_gap():

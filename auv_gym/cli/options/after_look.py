@@ -81,7 +81,8 @@ def _next_diagnosis(matches: Matches, log: str, used: Path | None) -> str:
         edited = f"auv-gym look {quote(log)} --mapping-out {names}, correct in it what looks wrong"
     fitting = [name for name, why in refused.items() if not why]
     firm = any(("map it to" in doubt or "in a mapping" in doubt) and "unless" not in doubt for doubt in found.doubts)
-    if not fitting and not firm and all(why.endswith(RECORD_LONGER) for why in refused.values()):
+    spiked = any(doubt.endswith("from the file.") for doubt in found.doubts)
+    if not fitting and not firm and not spiked and all(why.endswith(RECORD_LONGER) for why in refused.values()):
         name, where = to_type(list(refused))
         options = f" --vehicle {quote(name)}{f' --mapping {names}' if used else ''} --out diagnosis"
         others = "where MORE are other logs of the same vehicle, since this one alone is too short"

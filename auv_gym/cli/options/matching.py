@@ -60,6 +60,12 @@ class Matches:
         return len(self.found.channels & {*need.required, *need.wanted}) + len(self.turned[name])
 
     @cached_property
+    def kept(self) -> set[str]:
+        """The channels of the log that none of the vehicles uses."""
+        used = [{*self.found.uses(needs), *self.turned[name]} for name, needs in self.needs.items()]
+        return {signal.channel for signal in self.found.signals if signal.channel}.difference(*used)
+
+    @cached_property
     def ranked(self) -> list[str]:
         """The vehicles, best match first.
 
