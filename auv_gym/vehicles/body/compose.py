@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields as dataclass_fields, make_dataclass
 from functools import lru_cache
 from itertools import groupby
+from keyword import iskeyword
 from typing import Any
 
 import numpy as np
@@ -167,7 +168,12 @@ def compose(parts: Sequence[Part]) -> Family:
 
 def _check(part_: Part, among: Sequence[Part]) -> None:
     if not part_.name.isidentifier():
-        raise ValueError(f"a part needs a name of letters, digits and underscores, got {part_.name!r}")
+        raise ValueError(
+            "a part needs a name of letters, digits and underscores that does not begin with a digit, got "
+            f"{part_.name!r}"
+        )
+    if iskeyword(part_.name):
+        raise ValueError(f"a part cannot be called {part_.name!r}, which is a word of Python: choose another")
     if part_.name in RESERVED or part_.name.startswith("_"):
         raise ValueError(f"a part cannot be called {part_.name!r}, which is the name of something else: choose another")
     if sum(other.name == part_.name for other in among) > 1:

@@ -43,6 +43,15 @@ BAD = {
     ),
     "name of an effect": (BODY + RUDDER.replace("rudder", "current"), "parts: a part cannot be called 'current'"),
     "name of another": (BODY + RUDDER.replace("rudder", "load"), "parts: a part cannot be called 'load'"),
+    "digit first": (BODY + RUDDER.replace("rudder", "1"), "that does not begin with a digit, got '1'"),
+    "keyword": (
+        BODY + RUDDER.replace("rudder", "as"),
+        "a part cannot be called 'as', which is a word of Python: choose",
+    ),
+    "keyword None": (
+        BODY + RUDDER.replace("rudder", "None"),
+        "a part cannot be called 'None', which is a word of Python",
+    ),
     "odd name": (BODY + RUDDER.replace("rudder", '"t 1"'), "a part needs a name of letters, digits and underscores"),
     "one channel for two": (
         BODY + RUDDER + RUDDER.replace("rudder", "fin").replace("axis", 'channel = "rudder_rad"\naxis'),
