@@ -10,6 +10,7 @@ from identification.deciding import SLIGHT, STABLE, UNSTEADY
 from identification.diagnosis.judge.effects import Effect, Member
 from identification.diagnosis.judge.result import Result
 from identification.diagnosis.log.parts import logs_in
+from identification.diagnosis.search.dependence import CLOCK
 from identification.diagnosis.wording import (
     accelerations,
     capital,
@@ -19,6 +20,7 @@ from identification.diagnosis.wording import (
     quantity,
     short,
     sized,
+    typeset,
 )
 from identification.fit.changing import ChangingPlant, changed, plain
 
@@ -42,7 +44,7 @@ def paragraphs(d: Result) -> list[str]:
         (_rest_sentence(d), noise_sentence(d), _currents_sentence(d)),
         (_logs_sentence(d), _limit_sentence(d), averaged_sentence(d), _unseen_sentence(d)),
     )
-    joined = (" ".join(sentence for sentence in group if sentence) for group in grouped)
+    joined = (typeset(" ".join(sentence for sentence in group if sentence)) for group in grouped)
     return [paragraph for paragraph in joined if paragraph]
 
 
@@ -254,12 +256,24 @@ def _rest_sentence(d: Result) -> str:
     """The part of the error that nothing explains."""
     if d.discovery is None:
         return ""
-    begin = "" if d.verdict == "unexplained" else "Part of the error remains unexplained. "
+    begin = "" if d.verdict == "unexplained" else f"Part of the error remains unexplained{_small(d)}. "
     begin += left_sentence(d)
     if d.discovery.holds:
         terms = listed([t.words for t in d.discovery.terms])
         begin += f"A term found in the data and confirmed on unseen parts of the log explains part of it: {terms}. "
     return (begin + (d.habitat.summary() if d.habitat is not None else "")).strip()
+
+
+def _small(d: Result) -> str:
+    """That what remains is less than the noise of each sensor, where it is, and where it is most beside that."""
+    beyond = {n: float(np.sqrt(max(s.rmse**2 - d.noise_of(n) ** 2, 0.0))) for n, s in d.after.scores.items()}
+    if not all(size < d.noise_of(name) < np.inf for name, size in beyond.items()):
+        return ""
+    most = max(beyond, key=lambda name: beyond[name] / d.noise_of(name))
+    size = quantity(beyond[most], channel(most).unit)
+    return (
+        f", but is smaller than the sensors' noise: free runs of {d.after.unseen.label(most)} miss by {size} beyond it"
+    )
 
 
 def left_sentence(d: Result) -> str:
@@ -284,7 +298,11 @@ def left_sentence(d: Result) -> str:
         text += f"Lasting sensor errors ({misread}) are larger at some times than at others. "
     if left.changes and left.changes not in {*d.dropped, *(e.path for e in d.alike)}:
         title = spec_at(d.state.plant, left.changes).title or left.changes
-        text += f"The {title} differs between parts of the log: something changed during the log. "
+        text += (
+            "What remains acts like a clock of the log whose rate differs between parts of it. "
+            if left.changes == CLOCK  # of all channels at once; so may other causes
+            else f"The {title} differs between parts of the log: something changed during the log. "
+        )
     if left.passing:
         title = spec_at(d.state.plant, left.passing).title or left.passing
         text += (

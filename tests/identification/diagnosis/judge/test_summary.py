@@ -4,8 +4,10 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from auv_gym.plant import load_vehicle
 from identification.diagnosis.judge.effects import AsCoefficient, Effect, Member
 from identification.diagnosis.judge.result import RARE, VARIES, WORSE
 from identification.diagnosis.judge.summary import (
@@ -13,6 +15,7 @@ from identification.diagnosis.judge.summary import (
     _halves_sentence,
     _likelier_sentence,
     _sentence,
+    _small,
     _tied_sentence,
     averaged_sentence,
     dropped_sentence,
@@ -90,6 +93,38 @@ def test_which_effects_differ_between_parts_is_said():
     assert left_sentence(both) == ""  # type: ignore[arg-type]  # said once
     dropped = SimpleNamespace(alike=(), left=Left(changes=trim.path), state=None, dropped={trim.path: VARIES})
     assert left_sentence(dropped) == ""  # type: ignore[arg-type]  # `dropped_sentence` says it
+
+
+def test_of_a_clock_is_said_what_the_rest_acts_like_and_of_a_coefficient_that_it_differs():
+    plant = load_vehicle("npsauv")
+    for path, words in (
+        ("effects.clock.rate", "What remains acts like a clock of the log whose rate differs between parts of it. "),
+        ("hull.yaw.ur", "The yaw moment from u r differs between parts of the log: something changed during the log. "),
+    ):
+        d = SimpleNamespace(alike=(), dropped={}, state=SimpleNamespace(plant=plant), left=Left(changes=path))
+        assert left_sentence(d) == words  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "heading, yaw, words",
+    [
+        (0.013, 0.0041, ", but is smaller than the sensors' noise: free runs of heading miss by 0.476 deg beyond it"),
+        (
+            0.010,
+            0.0050,
+            ", but is smaller than the sensors' noise: free runs of yaw rate miss by 0.172 deg/s beyond it",
+        ),
+        (0.015, 0.0041, ""),  # 0.011 rad beyond a noise of 0.010
+    ],
+)
+def test_what_remains_is_said_to_be_small_where_it_is_less_than_the_noise_of_each_sensor(heading, yaw, words):
+    scores = {"heading_rad": SimpleNamespace(rmse=heading), "r_radps": SimpleNamespace(rmse=yaw)}
+    labels = {"heading_rad": "heading", "r_radps": "yaw rate"}
+    after = SimpleNamespace(scores=scores, unseen=SimpleNamespace(label=labels.get))
+    d = SimpleNamespace(after=after, noise_of={"heading_rad": 0.010, "r_radps": 0.004}.get)
+    assert _small(d) == words  # type: ignore[arg-type]
+    unknown = SimpleNamespace(after=after, noise_of=lambda name: np.inf)
+    assert _small(unknown) == ""  # type: ignore[arg-type]
 
 
 def test_a_slight_difference_between_parts_is_said():
