@@ -160,7 +160,7 @@ def _content(d: Diagnosis, extras: Extras) -> dict[str, Any]:
         "vehicle": plant.title or plant.name,
         "vehicle_name": plant.name,
         "vehicle_text": plant.description,
-        "summary": [typeset(_worded(text, {n: channel(n).label for n in d.record.names})) for text in d.paragraphs()],
+        "summary": [_worded(text, {n: channel(n).label for n in d.record.names}) for text in d.paragraphs()],
         "meaning": MEANINGS[d.verdict],
         "figures": _figures(d, extras),
         "errors": _errors(d),
@@ -262,7 +262,7 @@ def _rest(d: Diagnosis) -> list[str]:
     random = noise_sentence(d)
     if random:
         said.append(random)
-    return said
+    return [typeset(text) for text in said]
 
 
 def _facts(d: Diagnosis) -> list[tuple[str, str, str]]:

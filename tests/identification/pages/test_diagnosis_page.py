@@ -6,6 +6,8 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -288,6 +290,22 @@ def test_not_all_of_the_error_is_said_to_be_explained_where_something_is_left(
     monkeypatch.setattr("identification.pages.diagnosis_page._rest", lambda d: [])
     text = Outline(diagnosis_page(replace(diagnosis, explained=share, discovery=left, verdict="named"))).text
     assert f"explained{told}of the squared error of free runs above the sensors' noise" in text
+
+
+def test_units_of_a_term_from_the_data_have_raised_powers(diagnosis, no_figures):
+    words = "a moment of 2 N m s^2, times r |r|"
+    term: Any = SimpleNamespace(holds=True, terms=[SimpleNamespace(words=words)], summary=lambda: words)
+    d = replace(diagnosis, discovery=term)
+    assert "explains part of it: a moment of 2 N m s², times r |r|." in d.summary()
+    assert "^2" not in Outline(diagnosis_page(d)).text
+
+
+def test_labels_beside_the_close_up_are_not_longer_than_its_panels(diagnosis, monkeypatch):
+    assert figures.quantity_label("t1_share") == channel("t1_share").label  # no unit to name
+    monkeypatch.setattr(figures, "quantity_label", lambda name: "volume of the buoyancy engine, mL")
+    labels = [axes.get_ylabel() for axes in figures.zoom_figure(diagnosis).axes]
+    assert "volume of the buoyancy engine, mL" in labels  # the panel above is taller
+    assert "volume of the\nbuoyancy engine,\nmL" in labels
 
 
 def test_the_log_is_drawn_with_all_that_drives_the_vehicle():
