@@ -68,7 +68,9 @@ class Part:
 
     @property
     def title(self) -> str:
-        return self.name.replace("_", " ")
+        """`stern plane`; a name with abbreviations or numbers, such as `th_ap`, as the file has it."""
+        words = self.name.split("_")
+        return " ".join(words) if all(len(word) > 2 for word in words) else self.name
 
     def channel(self, index: int) -> str:
         """The channel of one of its commands."""

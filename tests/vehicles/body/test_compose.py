@@ -27,6 +27,12 @@ def test_damping_of_several_coefficients_is_an_effect_of_its_own():
     assert alone.family.coefficients_of(alone.parameters)["effects.hull.damping_yaw"][0] == "hull.yaw.r_r"
 
 
+@pytest.mark.parametrize("name, title", [("stern_plane", "stern plane"), ("th_ap", "th_ap"), ("fin_1", "fin_1")])
+def test_parts_are_called_as_in_the_file_unless_their_names_are_words(name, title):
+    family = compose([Part(name, "thruster", "share")])
+    assert spec_at(family.parameters(), f"effects.{name}.gain").title == f"{title} gain"
+
+
 def test_inputs_effects_and_candidates_follow_from_the_parts():
     family = compose(
         [Part("t1", "thruster", "pulse"), Part("t2", "thruster", "pulse"), Part("ballast", "buoyancy_engine")]
