@@ -41,7 +41,8 @@ def further_noises(
     Where errors have a period, a swell that pushes two velocities or more, or that sensors misread; where those of a
     channel are coloured, errors of its readings that last.  Nothing tells an error that lasts from what moves a vehicle
     of one velocity.  A swell's period is one parameter more, and costs as much as an acceleration does.
-    plant: of the point, which was fitted over the paths.  waves_alone: a swell that pushes, and no errors of sensors.
+    plant: of the point, which was fitted over the paths.  waves_alone: a swell that pushes, and no errors of sensors;
+    nothing where errors keep a period beside it, as those of a sensor do that swings while nothing else moves.
     """
     found: list[Noisier] = []
     while len(problem.velocities) >= LEAST_OF_SWELL and (kinds := _kinds(problem, point, waves_alone)):
@@ -55,7 +56,7 @@ def further_noises(
         found.append(likeliest)
         problem, point = likeliest.problem, likeliest.point
         plant = problem.plant_at(point, paths) if paths else plant
-    return found
+    return [] if waves_alone and found and period_of_swell(problem, point) else found
 
 
 def begun_beside(problem: PredictionErrors, point: Point, paths: Sequence[str]) -> Point:

@@ -39,7 +39,7 @@ def cycle(rng: np.random.Generator, rows: int, dt: float) -> np.ndarray:
     return found
 
 
-def log_of(push: float, seed: int = 0, fading: float = 0.0, wander: float | None = None, read=np.real) -> Record:
+def log_of(push: float, seed: int = 0, fading: float = 0.0, wander: float | None = None) -> Record:
     """A glider with a rudder offset under random yaw accelerations: of a swell, and such as fade over 14 s.
 
     wander: deviation of lasting errors of the compass, rad, beside which a gyro is logged.
@@ -145,6 +145,17 @@ def test_waves_alone_are_looked_for_before_a_search(pushed, monkeypatch):
     assert not noise.lasting
     monkeypatch.setattr(further_noises, "period_of_swell", lambda *_: None)
     assert with_further_noises(bench, [state], waves_alone=True) == (bench, [state])
+
+
+@pytest.mark.parametrize("size, sea", [(0.0, True), (0.02, False)])
+def test_waves_beside_which_a_sensor_swings_are_not_there_before_a_search(size, sea):
+    """As much as a filter makes of them, its errors keep the period: something else has it, too."""
+    record, rng = log_of(PUSH, wander=0.0), np.random.default_rng(5)
+    swinging = record["heading_rad"] + size * cycle(rng, ROWS, 1.0)
+    bench, state = fitted(record.with_channels({"heading_rad": swinging}))
+    assert further_noises.further_noises(bench.problem, state.plant, (), state.point)
+    other, _ = with_further_noises(bench, [state], waves_alone=True)
+    assert (other is not bench) == sea
 
 
 @pytest.mark.parametrize("push", [0.0, PUSH])
