@@ -15,7 +15,7 @@ from auv_gym.plant import Plant
 from auv_gym.plant.cruise import command_ranges
 from auv_gym.plant.thrusters import find_thrusters
 from auv_gym.records.gliding import glide_attack
-from auv_gym.records.mapping import Target
+from auv_gym.records.mapping import FULL, Target, command_in
 from auv_gym.records.reading import Needs
 from auv_gym.records.record import Record
 
@@ -30,8 +30,6 @@ _COMMAND_UNITS = (  # what commands of thrusters come in instead: least, most, a
     ("pulse lengths less 1500 us", -500.0, 500.0),
     ("pulse lengths in us", 900.0, 2100.0),
 )
-_FULL = {"us": (1100.0, 1900.0), "share": (-1.0, 1.0), "norm": (-1.0, 1.0), "pct": (-100.0, 100.0)}
-# by the ending of a thruster's command: full astern and full ahead
 _TOO_SMALL = {  # what values of a unit come in instead, so that they are taken as this many times too small
     "m3": ((1e6, "m3 in a column of cm3"), (1e3, "m3 in a column of litres")),
     "m": ((1e3, "m in a column of mm"),),
@@ -178,8 +176,8 @@ def moving_commands(record: Record) -> list[str]:
     """The commands of thrusters that move in a record, in any unit."""
     found = []
     for name in record.names:
-        if re.fullmatch(rf"t\d+_({'|'.join(_FULL)})", name):
-            low, high = _FULL[name.rpartition("_")[2]]
+        if re.fullmatch(rf"t\d+_({'|'.join(FULL)})", name):
+            low, high = FULL[name.rpartition("_")[2]]
             values = record[name][np.isfinite(record[name])]
             found += [name] if values.size and np.ptp(values) > _MOVES * (high - low) else []
     return found
@@ -267,11 +265,10 @@ def convertible_commands(plant: Plant, names: Collection[str]) -> dict[str, Targ
     for part in plant.family.body.thrusters if plant.family.body else ():
         wanted = part.channel(0)
         stem, _, ending = wanted.rpartition("_")
-        have = next((f"{stem}_{other}" for other in _FULL if f"{stem}_{other}" in names), wanted)
-        if wanted not in names and have != wanted and ending in _FULL:
-            (low, high), (least, most) = _FULL[ending], _FULL[have.rpartition("_")[2]]
-            factor = (high - low) / (most - least)
-            found[have] = Target(wanted, factor, low - factor * least)
+        given = next((other for other in FULL if f"{stem}_{other}" in names), ending)
+        target = command_in(wanted, given)
+        if wanted not in names and given != ending and target is not None:
+            found[f"{stem}_{given}"] = target
     return found
 
 

@@ -78,9 +78,8 @@ def _clock(group: Group, names: Names, log: Log, notes: list[str]) -> Clock:
     for name, column in columns.items():
         if isinstance(column, list) and _STAMPED & set(_plain(name).split("_")) and _are_stamps(column):
             return _as_clock(name, columns, _SECONDS, notes)
-    for name, column in sorted(
-        columns.items(), key=lambda item: len(item[0]) == 1
-    ):  # a symbol only if no word is there
+    words_first = sorted(columns.items(), key=lambda item: len(item[0]) == 1)  # a symbol only if no word is there
+    for name, column in words_first:
         bare = re.split(r"[\s\[(]", name.strip().lower())[0].rpartition(".")[2]
         stem, _, suffix = bare.rpartition("_")
         own = suffix if stem in _CLOCKS and suffix in _SUFFIXES else ""

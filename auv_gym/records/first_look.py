@@ -183,9 +183,10 @@ def mapping_text(look: FirstLook, needs: Sequence[Needs] = (), turned: Mapping[s
     guesses: dict[str, Target] = {}
     for one in needs:
         for wanted in look.missing(one):
-            offers = [column for column in look.offers(wanted, one) if column not in guesses]
-            if offers and wanted not in known:
-                guesses[offers[0]] = look.offers(wanted, one)[offers[0]]
+            offers = look.offers(wanted, one) if wanted not in known else {}
+            column = next((column for column in offers if column not in guesses), None)
+            if column is not None:
+                guesses[column] = offers[column]
                 known.add(wanted)
     used = set(guesses)  # each column stands in one line, or the file would be no TOML
 

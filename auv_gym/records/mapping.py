@@ -31,10 +31,8 @@ RULES = {YOURS: 1, OWN: 3, NICKNAME: 3, FIELD: 4}  # as docs/logs.md counts them
 TIMES = ("time_s", "time_ms", "time_min", "time_h")
 DATED = frozenset({"time", "timestamp", "datetime", "date_time", "time_utc", "time_iso"})  # in lower case
 _FEW, _MANY = 4, 25  # fields of a message that a note lists; topics that get a note each
-_COMMANDS = {  # what becomes of a thruster's command in a unit, by that and the unit that the channel has
-    ("pct", "share"): (0.01, 0.0), ("%", "share"): (0.01, 0.0), ("us", "share"): (0.0025, -3.75),
-    ("share", "us"): (400.0, 1500.0),
-}  # fmt: skip
+# By the ending of a thruster's command: full astern and full ahead.
+FULL = {"us": (1100.0, 1900.0), "share": (-1.0, 1.0), "norm": (-1.0, 1.0), "pct": (-100.0, 100.0)}
 _TURNED_FRAMES = ("_ned", "_frd")  # endings of a frame_id whose axes are the field's own, forward or north first
 
 
@@ -338,8 +336,16 @@ def guessed(group: Group, column: str, channel: str) -> Target | None:
     try:
         return Target(in_unit(channel, unit))
     except ValueError:
-        change = _COMMANDS.get((unit, channel.rpartition("_")[2]))
-        return Target(channel, *change) if change else None
+        return command_in(channel, "pct" if unit == "%" else unit)
+
+
+def command_in(channel: str, unit: str) -> Target | None:
+    """What a mapping makes of a thruster's command in another unit; None where either has none of `FULL`."""
+    wanted, given = FULL.get(channel.rpartition("_")[2]), FULL.get(unit)
+    if wanted is None or given is None:
+        return None
+    factor = (wanted[1] - wanted[0]) / (given[1] - given[0])
+    return Target(channel, factor, wanted[0] - factor * given[0])
 
 
 def _by_nickname(plain: str) -> str:

@@ -76,7 +76,7 @@ def free_runs(plant: Plant, record: Record, windows: Sequence[slice], settle: fl
     settle: s, at least three samples; those samples are not scored.  Raises Diverged.
     """
     heads = head_windows(record, windows, settle)
-    starts = Shooting(plant, record, heads).solve(plant, ()).starts
+    starts = _starts(plant, record, heads)
     scored = np.concatenate([np.arange(w.start, w.stop) >= h.stop for w, h in zip(windows, heads, strict=True)])
     return _runs(Shooting(plant, record, windows), plant, starts, scored)
 
@@ -114,9 +114,13 @@ def fitted_runs(plant: Plant, record: Record, windows: Sequence[slice]) -> FreeR
     problem = Shooting(plant, record, windows)
     point = problem.solve(plant, ())
     if not np.isfinite(point.cost):  # it runs away from the first readings; of what suits a few seconds it may not
-        heads = Shooting(plant, record, head_windows(record, windows, plant.settle))
-        point = problem.solve(plant, (), guess=heads.solve(plant, ()).starts)
+        point = problem.solve(plant, (), guess=_starts(plant, record, head_windows(record, windows, plant.settle)))
     return _runs(problem, plant, point.starts, np.ones(problem.runs.rows, dtype=bool))
+
+
+def _starts(plant: Plant, record: Record, windows: Sequence[slice]) -> np.ndarray:
+    """The states at the starts of windows that suit all of their readings best, (W, n_states)."""
+    return Shooting(plant, record, windows).solve(plant, ()).starts
 
 
 def _runs(problem: Shooting, plant: Plant, starts: np.ndarray, scored: np.ndarray) -> FreeRuns:
