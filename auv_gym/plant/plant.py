@@ -122,14 +122,23 @@ class Plant:
             if name not in self.family.required
         }
 
-    @property
+    @cached_property
     def coefficients(self) -> tuple[str, ...]:
         """The paths that a first fit frees: those of the family, and those with a standard deviation of their own.
 
-        Effects that the vehicle states as neutral are not among them: a diagnosis seeks them.
+        Terms that the vehicle leaves at zero are not among them, but for those that it is bound to have
+        (`Family.unstated`), nor are effects that it states as neutral: a diagnosis seeks them.
         """
-        own = self.family.coefficients
+        own = tuple(
+            path
+            for path in self.family.coefficients
+            if value_at(self, path) != 0.0 or path in self.deviations or path in self._unstated
+        )
         return (*own, *(path for path in self.deviations if path not in own and not self._neutral(path)))
+
+    @cached_property
+    def _unstated(self) -> Mapping[str, float]:
+        return self.family.unstated(self.parameters)
 
     def _neutral(self, path: str) -> bool:
         return path.startswith(_EFFECTS) and value_at(self, path) == spec_at(self, path).neutral
@@ -158,7 +167,7 @@ class Plant:
             return self.deviations.get(path, np.inf)
         if doubt == 0.0:
             return 0.0
-        return self.deviations.get(path, doubt * abs(value_at(self, path)) or np.inf)
+        return self.deviations.get(path, doubt * abs(value_at(self, path)) or self._unstated.get(path, np.inf))
 
     @cached_property
     def vector(self) -> np.ndarray:

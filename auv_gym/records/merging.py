@@ -72,7 +72,7 @@ def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
     Its rows are kept as they are if it has a value in most of them, else only those with one.  Inputs, commands and
     flags keep their last value.  Measurements are interpolated linearly, attitudes along the shortest turn, where two
     samples are no further apart than the signal's gaps and 10 intervals of the base, or 2 s; elsewhere they are
-    missing.
+    missing.  Raises ValueError if all rows have the same time.
     """
     notes: list[str] = []
     ordered = [in_order(stream, notes) for stream in streams if stream.time.size]
@@ -81,6 +81,11 @@ def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
         return Merged(np.empty(0), {}, {}, {}, None, "", notes)
     at, name = _base(ordered, leading)
     base = ordered[at]
+    rows = max(stream.time.size for stream in streams if stream.name == base.name)
+    if base.time.size == 1 < rows:
+        raise ValueError(
+            f"All {rows} rows have the same time. A record needs each sample's time: give another column as time_s."
+        )
     whole = not (channel(name).kind == "motion" and _is_sparse(base.values[name]))
     if not whole:
         base = base.rows(np.isfinite(base.values[name]))

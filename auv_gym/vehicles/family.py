@@ -21,6 +21,10 @@ def _none_doubted(parameters: Any) -> Sequence[str]:
     return ()
 
 
+def _none_unstated(parameters: Any) -> Mapping[str, float]:
+    return {}
+
+
 def _no_doubts(parameters: Any) -> list[str]:
     return []
 
@@ -96,6 +100,9 @@ class Family:
     constants: Mapping[str, str] = field(default_factory=dict)
     # of these parameters, the paths of further coefficients that are known no better than those a first fit frees
     doubted: Callable[[Any], Sequence[str]] = _none_doubted
+    # of these parameters, the standard deviation, by path, of coefficients that are zero as nobody stated them; the
+    # other ones that are zero are no part of the model
+    unstated: Callable[[Any], Mapping[str, float]] = _none_unstated
     # effects that act as a coefficient does
     twins: Mapping[str, str] = field(default_factory=dict)
     # of these parameters, the effects that do nothing but change one coefficient: its path, and its value from the

@@ -64,7 +64,7 @@ class Parameters:
         if path not in self._bounds:
             low, high = spec_at(self.plant, path).bounds
             value, far = value_at(self.plant, path), REACH * self.plant.deviation(path, self.doubt)
-            high = 0.0 if value < 0.0 and path in self.plant.family.dissipating else high
+            high = 0.0 if value <= 0.0 and path in self.plant.family.dissipating else high
             self._bounds[path] = (max(low, value - far), min(high, value + far))
         return self._bounds[path]
 

@@ -14,6 +14,7 @@ from auv_gym.plant.cruise import find_helm
 from auv_gym.presets import Heading, list_preset_headings
 from auv_gym.records.record import Record
 from auv_gym.vehicles import FAMILY_NAMES
+from identification.fit.parameters import Parameters
 
 PRESETS = sorted(list_vehicles())
 TORPEDOES = [name for name in PRESETS if (body := load_vehicle(name).family.body) and body.steered]
@@ -277,7 +278,7 @@ def test_what_is_known_of_a_coefficient(tmp_path):
         '[hull.sway]\nuv = { value = -0.02, unit = "prime", deviation = 0.001 }\n'
     )
     plant = load_vehicle(file)
-    assert plant.coefficients == (*plant.family.coefficients, "hull.x_g")
+    assert plant.coefficients == ("hull.sway.uv", "hull.x_g")  # what the file leaves at zero is no part of the model
     assert plant.deviation("hull.x_g", 0.1) == 0.02
     assert plant.deviation("hull.sway.uv", 0.1) == pytest.approx(0.001 * 0.5 * 1000.0 * 2.0**2)
     assert plant.deviation("hull.sway.uv", math.inf) == math.inf  # nothing is to be taken as known
@@ -285,11 +286,32 @@ def test_what_is_known_of_a_coefficient(tmp_path):
     stated = replace_at(plant, "hull.sway.ur", -3.0)
     assert stated.deviation("hull.sway.ur", 0.1) == pytest.approx(0.3)
     assert stated.deviation("hull.z_g", 0.1) == math.inf
-    assert plant.deviation("hull.surge.u_u", 0.1) == math.inf  # zero: a share of it says nothing
+    assert "hull.sway.ur" in stated.coefficients
     save_vehicle(plant, tmp_path / "again.toml")
     assert load_vehicle(tmp_path / "again.toml") == plant
     with pytest.raises(ValueError, match=r"Did you mean 'hull\.x_g'"):
         replace(plant, deviations={"hull.xg": 0.1})
+
+
+def test_a_vehicle_that_hovers_has_drag_in_each_axis_stated_or_not(tmp_path):
+    file = tmp_path / "v.toml"
+    file.write_text(
+        'family = "body"\n[hull]\nmass = 20.0\ni_yy = 0.8\n[hull.added_mass]\nx_udot = -10.0\nm_qdot = -0.4\n'
+        "[hull.surge]\nu = { value = -9.0, deviation = 4.0 }\n[hull.pitch]\nq = -1.0\n"
+        '[parts.bow]\nkind = "thruster"\ncommand = "share"\ncurve = [[-1.0, -30.0], [1.0, 30.0]]\n'
+        "to_y = 1.0\nto_x = 0.0\n"
+    )
+    plant = load_vehicle(file)
+    drag = [f"hull.{axis}" for axis in ("surge.u", "surge.u_u", "roll.p", "roll.p_p", "pitch.q", "pitch.q_q")]
+    assert set(drag) < set(plant.coefficients)
+    known = {path: plant.deviation(path, 0.1) for path in drag}
+    assert known["hull.surge.u"] == 4.0
+    assert known["hull.pitch.q"] == pytest.approx(0.1)  # a tenth of what is stated
+    assert known["hull.surge.u_u"] == pytest.approx(30.0 / 0.3)  # stops 30 kg from 0.3 m/s within a second
+    assert known["hull.pitch.q_q"] == pytest.approx(1.2 / 0.3)
+    assert known["hull.roll.p"] == pytest.approx(0.3 * known["hull.roll.p_p"])
+    assert plant.deviation("hull.pitch.q_q", math.inf) == math.inf
+    assert Parameters(plant, 0.1).bounds("hull.pitch.q_q") == (pytest.approx(-5.0 * 1.2 / 0.3), 0.0)  # drag stays drag
 
 
 def test_another_sample_time():

@@ -80,6 +80,11 @@ def test_rows_of_one_time_that_contradict_each_other_are_told_by_channel():
     ]
 
 
+def test_rows_that_all_have_one_time_are_refused_with_words():
+    with pytest.raises(ValueError, match=r"All 50 rows have the same time.* give another column as time_s"):
+        merged([stream(np.full(50, 7.0), depth_m=np.arange(50.0))])
+
+
 def test_dated_rows_in_no_order_are_sorted_and_a_clock_without_dates_is_left_as_it_is():
     time = np.random.default_rng(1).permutation(200) * 10.0
     shuffled, notes = stream(time, depth_m=time), []

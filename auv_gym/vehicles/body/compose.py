@@ -36,6 +36,7 @@ OUTPUTS = (
     *("u_mps", "v_mps", "w_mps", "u_dvl_mps", "v_dvl_mps", "w_dvl_mps", "north_m", "east_m", "depth_m"),
 )
 _SPEEDS = STATES[:3]
+_HOVERING = (*_SPEEDS, "p_radps", "q_radps", "roll_rad", "pitch_rad")  # what commands move from rest
 _AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 _HULL_COEFFICIENTS = (
     *("hull.surge.u_u", "hull.sway.uv", "hull.sway.ur", "hull.heave.uw", "hull.heave.uq"),
@@ -48,6 +49,9 @@ _DRAG_COEFFICIENTS = tuple(
     for axis, velocity in zip(_AXES, "uvwpqr", strict=True)
     for term in (velocity, f"{velocity}_{velocity}")
 )
+
+# the time in which drag stops a vehicle that hovers, s, and the speed from which its square does, m/s or rad/s
+_STOPS_IN_S, _STOPS_FROM = 1.0, 0.3
 
 # of the hull, where coefficients are that a first fit does not free, but that are known no better
 _DOUBTED = ("i_xx", "i_yy", "i_zz", "added_mass.", *(f"{axis}." for axis in _AXES), "cross_flow.drag")
@@ -259,7 +263,7 @@ def _composed(parts: tuple[Part, ...]) -> Family:
         main_output="heading_rad",
         nearly={f"{axis}_mps": f"{axis}_dvl_mps" for axis in "uvw"},
         at_rest=_at_rest(body.hovers),
-        driven=frozenset(_SPEEDS if body.hovers else ()),
+        driven=frozenset(_HOVERING if body.hovers else ()),
         dissipating=frozenset(_DRAG_COEFFICIENTS if body.hovers else ()),
         measured={"effects.supply.sag": "supply_V"},
         twins={
@@ -273,6 +277,7 @@ def _composed(parts: tuple[Part, ...]) -> Family:
         derived=n_derived,
         problem=problem,
         doubted=lambda parameters: doubted_in(parts, parameters),
+        unstated=lambda parameters: unstated_drag(parameters) if body.hovers else {},
         coefficients_of=lambda parameters: coefficients_of(parts, parameters),
         doubts=lambda parameters: places_outside(parts, parameters),
         view=view,
@@ -282,12 +287,13 @@ def _composed(parts: tuple[Part, ...]) -> Family:
 
 
 def _at_rest(hovers: bool) -> dict[str, tuple[str, ...]]:
-    """The states that come to rest, and what tells them: roll and, of a vehicle that hovers, its velocity."""
-    found: dict[str, tuple[str, ...]] = dict.fromkeys(("roll_rad", "p_radps"), ("roll_rad", "p_radps"))
+    """The states that come to rest, and what tells them: roll; of a vehicle that hovers, pitch and velocity as well."""
+    roll, pitch = ("roll_rad", "p_radps"), ("pitch_rad", "q_radps")
+    found: dict[str, tuple[str, ...]] = dict.fromkeys(roll, roll)
     track = ("north_m", "east_m")
     level = tuple(f"{axis}{kind}_mps" for axis in "uv" for kind in ("", "_dvl"))
     if hovers:
-        found |= dict(
+        found |= dict.fromkeys(pitch, pitch) | dict(
             zip(_SPEEDS, ((*level, *track), (*level, *track), ("w_mps", "w_dvl_mps", "depth_m")), strict=True)
         )
     return found
@@ -475,6 +481,23 @@ def doubted_in(parts: Sequence[Part], parameters: Any) -> list[str]:
     hull = [f"hull.{path}" for path in list_paths(parameters.hull) if path.startswith(_DOUBTED)]
     own = [f"parts.{part_.name}.{name}" for part_ in parts for name in part_.found.doubted]
     return [path for path in (*hull, *own) if value_at(parameters, path) != 0.0]
+
+
+def unstated_drag(parameters: Any) -> dict[str, float]:
+    """The standard deviation, by path, of each drag coefficient that is zero, of a vehicle that hovers.
+
+    So much that an axis comes to rest within a second, mass and added mass over 1 s, or from 0.3 m/s or rad/s with the
+    square: as fast as such vehicles do.  Without it, a fit would take any drag for an axis that no sensor measures.
+    """
+    hull, added = parameters.hull, parameters.hull.added_mass
+    masses = (
+        *(hull.mass - added.x_udot, hull.mass - added.y_vdot, hull.mass - added.z_wdot),
+        *(hull.i_xx - added.k_pdot, hull.i_yy - added.m_qdot, hull.i_zz - added.n_rdot),
+    )
+    found = {}
+    for linear, square, mass in zip(_DRAG_COEFFICIENTS[::2], _DRAG_COEFFICIENTS[1::2], masses, strict=True):
+        found |= {linear: mass / _STOPS_IN_S, square: mass / _STOPS_IN_S / _STOPS_FROM}
+    return {path: deviation for path, deviation in found.items() if value_at(parameters, path) == 0.0}
 
 
 def coefficients_of(parts: Sequence[Part], parameters: Any) -> dict[str, tuple[str, Callable[[float, float], float]]]:

@@ -6,6 +6,7 @@ import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.param import spec_at, value_at
+from auv_gym.records.attitude import ANGLES
 from identification.deciding import SLIGHT, STABLE, UNSTEADY
 from identification.diagnosis.judge.effects import Effect, Member
 from identification.diagnosis.judge.result import Result
@@ -366,12 +367,15 @@ def _currents_sentence(d: Result) -> str:
 
 def _unseen_sentence(d: Result) -> str:
     """States that nothing in the log measures."""
-    speeds = [channel(name).label for name in d.resting if name.endswith("_mps")]
-    if not speeds:
+    followed = [name for name in d.resting if name in d.given.plant.family.driven]
+    speeds = [channel(name).label for name in followed if name.endswith("_mps")]
+    angles = [channel(name).label for name in followed if name in ANGLES]
+    if not speeds and not angles:
         return ""
+    these = " and ".join(filter(None, ["these speeds" if speeds else "", "these angles" if angles else ""]))
     told = (
-        f"The log does not measure {listed(speeds)}. The model computes these speeds from the commands, starting from "
-        "rest and without process noise."
+        f"The log does not measure {listed([*speeds, *angles])}. The model computes {these} from the commands, from "
+        "rest and without process noise. Where the vehicle moves otherwise, an effect may be named in its place."
     )
     if d.left_out:
         names = listed([channel(name).label for name in d.left_out])

@@ -35,9 +35,12 @@ class Found:
 
 
 def search(bench: Workbench, state: State, library: Sequence[str], rng: np.random.Generator) -> Found | None:
-    """The term that explains most beside what is fitted, if one is chosen stably."""
+    """The term that explains most beside what is fitted, if one is chosen stably.
+
+    Beside weaker process noise, too, as this may have grown to take the term's part.
+    """
     best = None
-    for base in (state, *bench.with_given(state)):
+    for base in (state, *bench.with_given(state), *bench.quieted(state)):
         free = replace(base, paths=state.paths)  # coefficients as given are as free as fitted ones
         selection, scales = selection_of(bench, free, library, rng)
         found = _best(bench, state, base, library, selection, scales)

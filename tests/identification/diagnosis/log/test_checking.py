@@ -58,6 +58,18 @@ def test_speeds_that_nothing_tells_are_followed_and_nothing_pushes_them(dropped,
     assert set(SPEEDS) - set(problem.pushed) == resting
 
 
+def test_attitude_that_nothing_tells_follows_the_commands_and_is_not_pushed():
+    """Else the noise of an axis that no sensor measures takes up what the model lacks elsewhere."""
+    plant, tilt = load_vehicle("bluerov2_heavy"), ("roll_rad", "pitch_rad", "p_radps", "q_radps")
+    record = log_of(0.3, "u_dvl_mps", "v_dvl_mps", "w_dvl_mps")
+    record = record.with_channels({f"t{k}_share": 0.1 * np.sin(k * TIME) for k in range(1, 9)})
+    assert set(tilt[2:]) <= set(Stretches(plant, record, record.segments).pushed)
+    untold = Stretches(plant, record.without(tilt), record.segments)
+    assert not set(tilt) & set(untold.pushed)
+    assert set(tilt) <= set(untold.driven)
+    assert all(np.ptp(untold.driven[name]) > 0.0 for name in tilt)
+
+
 @pytest.fixture(scope="module")
 def moving() -> Record:
     """Twenty seconds of a vehicle whose thrusters move it."""
