@@ -129,12 +129,12 @@ class Diverged(RuntimeError):
 def inputs_of(model: Model, record: Record) -> np.ndarray:
     """The record's inputs in the model's order, shape (n, n_inputs); channels a model has constants for may lack.
 
-    `elapsed_s` is the time since each segment began, where the record does not say it.  Inputs that the model
-    interpolates are those in the middle of the interval that a row begins.
+    `elapsed_s` is that of `elapsed_over_gaps`, where the record does not say it.  Inputs that the model interpolates
+    are those in the middle of the interval that a row begins.
     """
     constants = {name: np.full(record.time.size, value) for name, value in model_constant_inputs(model).items()}
     if "elapsed_s" in constants:
-        constants["elapsed_s"] = record.elapsed
+        constants["elapsed_s"] = elapsed_over_gaps(record)
     columns = [record[name] if record.has(name) or name not in constants else constants[name] for name in model.inputs]
     if isinstance(model, Interpolating) and model.interpolated:
         within = np.ones(max(record.time.size - 1, 0), dtype=bool)  # not from one segment to the next
@@ -143,6 +143,21 @@ def inputs_of(model: Model, record: Record) -> np.ndarray:
             if name in model.interpolated:
                 columns[k] = columns[k] + np.r_[0.5 * np.where(within, np.diff(columns[k]), 0.0), 0.0]
     return np.ascontiguousarray(np.stack(columns, axis=1)) if columns else np.empty((record.time.size, 0))
+
+
+def elapsed_over_gaps(record: Record) -> np.ndarray:
+    """Time since the log or dive of each sample began, s, shape (n,); what grows with time goes on over a gap in it.
+
+    Segments in a row that have the same label are one log or dive, unless time goes back between them.
+    """
+    time, labels, begun = record.time, record.labels, np.empty(len(record))
+    origin = 0.0
+    for number, segment in enumerate(record.segments):
+        first = segment.start
+        if not number or labels[number] != labels[number - 1] or time[first] < time[first - 1]:
+            origin = time[first]
+        begun[segment] = origin
+    return time - begun
 
 
 def outputs_of(model: Model, record: Record) -> np.ndarray:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from auv_gym.model import elapsed_over_gaps
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record, concat
 from identification.changes.forms import refuse_overlaps, usable_log
@@ -22,9 +23,10 @@ def joined_sides(sides: Mapping[str, Record], plant: Plant, asked: Asked) -> tup
     """
     refuse_overlaps(sides)
     checked = [usable_log(record, plant, asked, name) for name, record in sides.items()]
-    common = set.intersection(*(set(log.record.names) for log in checked))
-    alone = sorted({n for log in checked for n in log.record.names} - common)
-    records = [log.record.without([n for n in log.record.names if n not in common]) for log in checked]
+    timed = [_timed(log.record, plant) for log in checked]
+    common = set.intersection(*(set(record.names) for record in timed))
+    alone = sorted({n for record in timed for n in record.names} - common)
+    records = [record.without([n for n in record.names if n not in common]) for record in timed]
     record = concat(records)
     if alone:
         line = f"Only one side has {', '.join(alone)}: left out of the comparison."
@@ -43,6 +45,13 @@ def joined_sides(sides: Mapping[str, Record], plant: Plant, asked: Asked) -> tup
         tuple(dict.fromkeys(n for log in checked for n in log.left_out)),
     )
     return joined, begins[1]
+
+
+def _timed(record: Record, plant: Plant) -> Record:
+    """A side's record with the time since it began, which is not to go on from one side to the other."""
+    if "elapsed_s" not in plant.inputs or record.has("elapsed_s"):
+        return record
+    return record.with_channels({"elapsed_s": elapsed_over_gaps(record)})
 
 
 def _together(parts: Sequence[Sequence[Part]], begins: Sequence[int]) -> tuple[Part, ...]:

@@ -1,12 +1,13 @@
 import numpy as np
 import pytest
 
-from auv_gym.param import value_at
+from auv_gym.model import elapsed_over_gaps, inputs_of
+from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.plant.record_check import FEW, check_excitation, check_ranges, described, needs_of, refusal, wrong_for
 from auv_gym.records.gliding import glide_attack
 from auv_gym.records.reading import Needs, read_record
-from auv_gym.records.record import Record
+from auv_gym.records.record import Record, concat
 from identification.diagnosis import diagnose
 from identification.fit.greybox import GreyBox
 
@@ -188,3 +189,36 @@ def test_samples_before_the_first_command_do_not_refuse_a_log():
         record.dataset[f"t{k}_share"].values[:6] = np.nan
     assert refusal(rov, record) == ""
     assert len(wrong_for(rov, record)) == 1
+
+
+def test_a_gap_in_a_log_does_not_restart_a_leak():
+    plant = replace_at(FLOAT, "effects.volume.leak", 2e-8)
+    whole = _record()
+    cut = whole.select((TIME < 300.0) | (TIME > 312.0))
+    elapsed = inputs_of(plant, cut)[:, plant.inputs.index("elapsed_s")]
+    assert np.array_equal(elapsed, cut.time)
+    assert len(cut.segments) == 2
+    start = np.zeros(len(plant.family.states))
+    second = cut.segments[1]
+    late = slice(int(np.searchsorted(TIME, cut.time[second.start])), TIME.size)
+    same = plant.run(whole, [late], start[None])
+    assert np.array_equal(plant.run(cut, [second], start[None]), same)
+
+
+@pytest.mark.parametrize("labels, again", [(("one", "two"), True), (("one", "one"), False)])
+def test_time_starts_again_with_another_label_and_with_a_clock_that_does(labels, again):
+    early = TIME < 300.0
+    kept = early | (TIME > 312.0)
+    record = _record(segment=np.where(early, *labels)).select(kept)
+    begun = record.time[record.segments[1].start] if again else 0.0
+    expected = record.time - np.where(record.time > 300.0, begun, 0.0)
+    assert np.array_equal(elapsed_over_gaps(record), expected)
+    twice = concat([record, record])
+    assert np.array_equal(elapsed_over_gaps(twice), np.tile(expected, 2))
+
+
+def test_wild_readings_that_are_left_out_restart_nothing_and_join_no_dives():
+    depth = np.where(np.isin(np.arange(TIME.size), (100, 101, 700)), -300.0, 20.0 + 5.0 * np.sin(TIME / 60.0))
+    kept = described(FLOAT, _record(segment=np.where(TIME < 300.0, "one", "two"), depth_m=depth))
+    begun = np.where(kept.time < 300.0, 0.0, TIME[TIME >= 300.0][0])
+    assert np.array_equal(kept["elapsed_s"], kept.time - begun)

@@ -17,6 +17,7 @@ from identification.changes.wording import summary, tied_words
 from identification.diagnosis.log.checking import Asked, check_log
 from identification.diagnosis.search.known import Known, fit_known
 from identification.diagnosis.search.workbench import Workbench
+from identification.experiments.float_dives import depth_control
 from identification.experiments.heading_control import closed_loop
 from identification.fit.changing import ChangingPlant, Course, change
 
@@ -94,6 +95,17 @@ def test_the_search_is_repeated_beside_waves_unless_that_leads_astray(monkeypatc
     assert found[0] is (known if astray else other)
     assert asked == [known, other]
     assert sought == [(), (OFFSET,)]  # what was found without them is tried to the end
+
+
+def test_time_that_a_float_counts_starts_again_with_the_side_after():
+    plant = load_vehicle("qiandao_float")
+    before, after = (depth_control(plant, (10.0, 30.0, 15.0), rng=np.random.default_rng(k)) for k in (1, 2))
+    cut = after.later(5000.0).select((after.time < 700.0) | (after.time > 750.0))
+    log, edge = joined_sides({"before": before, "after": cut}, plant, Asked(trust=True))
+    elapsed = log.record["elapsed_s"]
+    assert np.array_equal(elapsed, np.r_[before.time - before.time[0], cut.time - cut.time[0]])
+    assert elapsed[edge] == 0.0
+    assert "Only one side has" not in " ".join(log.record.notes)
 
 
 def test_a_side_that_cannot_be_used_is_named():
