@@ -33,8 +33,10 @@ def detectable_effects(
 
     The slope at a probe gives it.  Effects with a corner at neutral are run at several sizes: a lag hides a rate limit
     up to some size, and a saturation beyond the largest command does nothing.
+    An effect that acts as a refitted coefficient has none: it would show as that.
     """
     plant = regression.problem.plant
+    refitted = {effect: path for effect, path in plant.twins.items() if path in regression.fitted}
     sizes = [(s, path, size) for s in screening for path, size in zip(s.candidate.paths, s.detectable, strict=True)]
     sizes = [(s, path, float(size)) for s, path, size in sizes if path not in named]
     shown = sizes_shown(regression, {path: size for s, path, size in sizes if s.candidate.kinked})
@@ -50,6 +52,8 @@ def detectable_effects(
             size, reason = np.inf, imitated or "changes too little of what was measured"
         elif found.hidden > 0.0:
             reason = f"up to {quantity(found.hidden, spec.unit)}, it changes nothing that was measured"
+        if path in refitted:
+            size, reason = np.inf, f"{spec_at(plant, refitted[path]).title} has the same effect"
         result.append(Detectable(path, spec.title, spec.unit, size, reason))
     return tuple(result)
 

@@ -34,7 +34,7 @@ def regression_of(changes=None, plant=PLANT):
         ran.extend(sizes.values())
         return {path: deviations_shown(BAR) * changes(size) for path, size in sizes.items()}
 
-    return SimpleNamespace(problem=problem, threshold=BAR, shown=shown, ran=ran)
+    return SimpleNamespace(problem=problem, threshold=BAR, shown=shown, ran=ran, fitted=())
 
 
 @pytest.mark.parametrize("expected", [0.02, 3.0, 500.0, np.inf])
@@ -77,6 +77,17 @@ def test_a_size_beyond_what_is_possible_is_none_that_the_record_shows():
         "changes nothing that was measured",
     ]
     assert detectable_effects(regression_of(), screened, {"effects.compass.bias"}) == ()  # type: ignore[arg-type]
+
+
+def test_an_effect_that_acts_as_a_refitted_coefficient_has_no_detectable_size_of_its_own():
+    gain = Candidate("rudder gain", ("effects.rudder.gain",))
+    regression, screened = regression_of(), [Screening(gain, np.zeros(1), 0.0, 1.0, np.array([0.95]))]
+    (held,) = detectable_effects(regression, screened, set())  # type: ignore[arg-type]
+    assert held.size == 0.95
+    regression.fitted = ("hull.n_delta",)
+    (found,) = detectable_effects(regression, screened, set())  # type: ignore[arg-type]
+    assert not np.isfinite(found.size)
+    assert found.reason == "rudder effectiveness N_dr has the same effect"
 
 
 def test_a_rate_limit_behind_a_lag_and_a_saturation_beyond_all_commands_are_hidden_up_to_some_size():
