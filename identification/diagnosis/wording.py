@@ -15,7 +15,8 @@ def quantity(value: float, unit: str, figures: int = 3) -> str:
         return "not detectable"
     scale, unit = for_people(unit)
     value *= scale
-    digits = f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:{'#' * (figures > 3)}.{figures}g}"
+    long = 1e3 <= abs(value) < 1e6
+    digits = f"{value:.{max(figures - 4, 0)}f}" if long else f"{value:{'#' * (figures > 3)}.{figures}g}"
     return typeset(f"{digits} {'' if unit == '1' else unit}".strip())
 
 
@@ -37,9 +38,20 @@ def for_people(unit: str) -> tuple[float, str]:
 
 def interval(limits: tuple[float, float], unit: str) -> str:
     """A 95 % interval with its unit, angles in degrees for people."""
-    texts = [[quantity(v, unit, figures) for v in limits] for figures in (3, 4, 5)]
-    low, high = next((pair for pair in texts if pair[0] != pair[1]), texts[0])  # a narrow one needs more figures
-    return f"{low.split(' ')[0]} to {high}"
+    return " to ".join(ends(limits, unit))
+
+
+def ends(limits: tuple[float, float], unit: str) -> tuple[str, str]:
+    """Both ends of a range, with enough figures to differ; the second one with the unit."""
+    texts = [[quantity(v, unit, figures) for v in limits] for figures in range(3, 8)]
+    low, high = next((pair for pair in texts if pair[0] != pair[1]), texts[0])
+    return low.split(" ")[0], high
+
+
+def at_most(value: float, limits: tuple[float, float], neutral: float) -> str:
+    """What precedes a size that is the end of its interval farther from neutral: "up to ", or nothing."""
+    near = min(limits, key=lambda end: abs(end - neutral))
+    return "up to " if value in limits and abs(near - neutral) < abs(value - neutral) else ""
 
 
 def sized(title: str, size: str, limits: str, *more: str) -> str:

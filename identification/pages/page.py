@@ -101,7 +101,7 @@ def chance(p: float) -> str:
 
 def span(limits: tuple[float, float], unit: str) -> str:
     """An interval as people read it."""
-    texts = [[amount(limit, unit, digits=digits) for limit in limits] for digits in (3, 4, 5)]
+    texts = [[amount(limit, unit, digits=digits) for limit in limits] for digits in range(3, 8)]
     low, high = next((pair for pair in texts if pair[0] != pair[1]), texts[0])  # a narrow one needs more digits
     return f"{low.partition(' ')[0]} to {high}"
 

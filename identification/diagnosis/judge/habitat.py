@@ -14,7 +14,7 @@ from auv_gym.channels import channel
 from auv_gym.records.record import Record
 from identification.deciding import BINS, LEAST_EXCHANGED, LEAST_GROWTH, LEAST_POWER, LEVEL, MOST_OF_ERROR
 from identification.diagnosis.judge.spectrum import Rhythm, residual_period
-from identification.diagnosis.wording import quantity
+from identification.diagnosis.wording import ends, quantity
 from identification.fit.residual import noise_floors
 from identification.fit.validation import FreeRuns
 
@@ -45,8 +45,8 @@ class Share:
     def words(self) -> str:
         """Such as: 71 % of the squared error is in the 24 % of samples with depth between 20 and 60 m."""
         label, unit = channel(self.name).label, channel(self.name).unit
-        low, high = (quantity(v, unit or "1") for v in self.stretch)
-        where = f"the {100 * self.sample_share:.0f} % of samples with {label} between {low.split(' ')[0]} and {high}"
+        between = " and ".join(ends(self.stretch, unit or "1"))
+        where = f"the {100 * self.sample_share:.0f} % of samples with {label} between {between}"
         return f"{100 * self.error_share:.0f} % of the squared error is in {where}"
 
 

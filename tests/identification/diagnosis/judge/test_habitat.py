@@ -1,13 +1,14 @@
 """Where residuals live that were made to live somewhere, and silence on those that live nowhere."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from auv_gym.records.record import Record
-from identification.diagnosis.judge.habitat import residual_habitat
+from identification.diagnosis.judge.habitat import Share, residual_habitat
 from identification.diagnosis.judge.spectrum import residual_period
 from identification.fit.validation import FreeRuns
 
@@ -58,6 +59,12 @@ def test_errors_at_some_depths_are_found_there():
     assert re.search(r"of samples with depth between [\d.]+ and [\d.]+ m[;.]", found.summary())
     assert found.found[0].error.sum() == pytest.approx(1.0)
     assert found.found[0].samples.sum() == pytest.approx(1.0)
+
+
+def test_a_narrow_range_has_as_many_digits_as_its_ends_need_to_differ():
+    share = Share("density_kgpm3", np.zeros(2), np.ones(1), np.ones(1), (1027.04, 1027.31), 0.73, 0.33, 0.0)
+    assert share.words.endswith("with water density between 1027.0 and 1027.3 kg/m3")
+    assert replace(share, stretch=(1027.041, 1027.042)).words.endswith("between 1027.041 and 1027.042 kg/m3")
 
 
 def test_errors_on_some_headings_are_found_across_north():
