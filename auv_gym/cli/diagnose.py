@@ -165,12 +165,12 @@ def _error_table(diagnosis: Diagnosis) -> Table:
     from auv_gym.channels import channel
     from identification.diagnosis.wording import quantity
 
-    stages = [diagnosis.given, diagnosis.before, *([diagnosis.after] if diagnosis.changed else [])]
-    heads = ["as given>", "before>" if diagnosis.changed else "refitted>", "after>"][: len(stages)]
+    stages = diagnosis.stages
+    heads = [f"{name}>" for name in stages]
     shown = table(f"RMS error of free runs {diagnosis.reach} in unseen {diagnosis.unseen_words}", "channel", *heads)
-    for name in diagnosis.before.scores:
+    for name in diagnosis.given.scores:
         unit = channel(name).unit
-        shown.add_row(name, *(quantity(stage.scores[name].rmse, unit) for stage in stages))
+        shown.add_row(name, *(quantity(stage.scores[name].rmse, unit) for stage in stages.values()))
     return shown
 
 
@@ -185,23 +185,25 @@ def _timings_table(seconds: Mapping[str, float]) -> Table:
 def _effect_table(diagnosis: Diagnosis) -> Table:
     """Each effect, and in the rows below it what it is tied with, with the size that this would have."""
     from auv_gym.param import spec_at
-    from identification.diagnosis.wording import interval, quantity
+    from identification.diagnosis.wording import interval
 
     weighed = any(effect.members for effect in diagnosis.added)
     heads = ["effect", "value>", "95 % interval>", *(["probability>"] if weighed else [])]
     shown = table("Effects" if diagnosis.effects else "What the difference acts like", *heads)
 
-    def add(title: str, size: tuple[float, tuple[float, float], str] | None, probability: float | None) -> None:
-        told = ("", "") if size is None else (quantity(size[0], size[2]), interval(size[1], size[2]))
+    def add(title: str, size: str, limits: str, probability: float | None) -> None:
         odds = "" if probability is None else f"{100.0 * probability:.0f} %"
-        shown.add_row(title, *told, *([odds] if weighed else []))
+        shown.add_row(title, size, limits, *([odds] if weighed else []))
 
     for effect in diagnosis.added:
         told = effect.coefficient or effect  # an effect that does nothing but change a coefficient is told as that
-        add(told.title, (told.value, told.ci95, told.unit), effect.probability)
+        add(told.title, effect.size, interval(told.ci95, told.unit), effect.probability)
         members = {m.path: m for m in effect.members}
         for path in (path for path in effect.tied_with if path != told.path):
             m = members.get(path)
             title = f"or {spec_at(diagnosis.given.plant, path).title}"
-            add(title, None if m is None else (m.value, m.ci95, m.unit), None if m is None else m.probability)
+            if m is None:
+                add(title, "", "", None)
+            else:
+                add(title, m.size, interval(m.ci95, m.unit), m.probability)
     return shown

@@ -242,12 +242,12 @@ def digest_of(record: Record) -> str:
 
 
 def _kinematics(d: Diagnosis) -> dict[str, Any] | None:
-    if d.kinematics is None:
+    if d.sensors is None:
         return None
     return {
-        "mismatches": [finite(asdict(m)) for m in d.kinematics.mismatches],
-        "cleared": [c.path for c in d.kinematics.clears],
-        "compared": list(d.kinematics.equations),
+        "mismatches": [finite(asdict(m)) for m in d.sensors.mismatches],
+        "cleared": [c.path for c in d.sensors.clears],
+        "compared": list(d.sensors.equations),
     }
 
 

@@ -180,7 +180,7 @@ def growth_figure(d: Diagnosis) -> Figure:
             seconds, error = error_growth(stage.unseen, d.record, d.window, c)
             axes.plot(seconds, shown_values(name, error), marker="o", markersize=3, label=label, **look)
             tops.append(np.nanmax(shown_values(name, error)))
-        if d.before is not d.given:
+        if all(stage is not d.given for _, stage, _ in series(d)):
             seconds, error = error_growth(d.given.unseen, d.record, d.window, c)
             axes.plot(
                 seconds, shown_values(name, error), color=GIVEN, linewidth=1.2, linestyle=":", label="vehicle as given"
@@ -321,9 +321,10 @@ def correlate_figure(d: Diagnosis) -> Figure:
 def example_windows(d: Diagnosis) -> list[tuple[str, int]]:
     """Two or three different windows by what unseen runs show there: title and number among all windows."""
     output = d.after.unseen.channels.index(most_improved(d))
-    before, after = (_window_errors(stage.unseen, output) for stage in (d.before, d.after))
+    drawn = series(d)
+    before, after = (_window_errors(stage.unseen, output) for stage in (drawn[0][1], drawn[-1][1]))
     order = np.argsort(before)
-    if series(d)[0][1] is series(d)[-1][1]:
+    if len(drawn) == 1:
         picked = [("Largest error", order[-1]), ("A typical window", order[(order.size - 1) // 2])]
     else:
         wanted = np.argsort(after)
@@ -381,7 +382,8 @@ def series(d: Diagnosis) -> list[tuple[str, Stage, dict[str, Any]]]:
     before = {"color": BEFORE, "linewidth": 2.2, "linestyle": (0, (4, 1.2))}  # wider, to be seen below the other
     after = {"color": AFTER, "linewidth": 1.3}
     if d.changed:
-        return [("model before", d.before, before), ("model after", d.after, after)]
+        first = "model as given" if d.before is d.given else "model before"
+        return [(first, d.before, before), ("model after", d.after, after)]
     return [("refitted model", d.after, after)]
 
 

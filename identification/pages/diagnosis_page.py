@@ -26,7 +26,7 @@ from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import candidates_of
 from identification.diagnosis.search.trials import Trial
-from identification.diagnosis.wording import for_people, listed, quantity, typeset
+from identification.diagnosis.wording import at_most, for_people, listed, quantity, typeset
 from identification.experiments.kinds import KINDS
 from identification.pages import diagnosis_figures, habitat_figure
 from identification.pages.drawing import require_render
@@ -84,7 +84,7 @@ PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
         diagnosis_figures.residual_figure,
         "Residual of {first} and of all other outputs over time.",
         "The residual: measured minus model, with starts fitted to whole windows. Noise jumps from sample to sample; "
-        "slow waves and slopes show that the model is missing something.",
+        "slow waves and slopes {slow}.",
     ),
     (
         "habitat",
@@ -103,8 +103,9 @@ PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
         "inputs",
         diagnosis_figures.input_correlation_figure,
         "Correlation of the residual of {left} with each input at positive and negative lags.",
-        "Correlation of the residual of {left} with the inputs. A peak right of zero means that the model is missing "
-        "a response to it. A peak left of zero is due to feedback, which moves {input} after an error of {first}.",
+        "Correlation of the residual of {left} with the inputs. A clear peak right of zero points to a response to it "
+        "that the model does not have. A peak left of zero is due to feedback, which moves {input} after an error of "
+        "{first}.",
     ),
     (
         "correlate",
@@ -179,17 +180,24 @@ def _content(d: Diagnosis, extras: Extras) -> dict[str, Any]:
         "slight": slight_sentence(d),
         "ties": _ties(d, titles),
         "coefficients": [_coefficient(c) for c in d.coefficients],
-        "detectable": [_detectable(x, plant, titles) for x in _in_order(d.detectable, plant)],
+        "detectable": [_detectable(d, x, titles) for x in _in_order(d.detectable, plant)],
         "environment": KINDS.of(plant.family).environment if plant.family.kind in KINDS.names else "",
         "glossary": GLOSSARY,
         "changed": d.changed,
         "rest": _rest(d),
-        "sensors": [m.text for m in d.kinematics.mismatches] if d.kinematics is not None else [],
-        "compared": "; ".join(d.kinematics.equations) if d.kinematics is not None else "",
+        "sensors": [m.text for m in d.sensors.mismatches] if d.sensors is not None else [],
+        "compared": "; ".join(d.sensors.equations) if d.sensors is not None else "",
         "loops": [loop.words for loop in d.loops],
         "failures": [failure.text for failure in (*d.failures, *extras.failures)],
         "as_given_is_before": d.before is d.given,
+        "only_refitted": d.after is d.refitted,
+        "additions": "effects that the difference acts like" if d.alike and not d.effects else _additions(d),
     }
+
+
+def _all_explained(d: Diagnosis) -> bool:
+    """Whether one-step predictions leave nothing but noise."""
+    return not (d.left or d.unexplained)
 
 
 def _titles(d: Diagnosis) -> dict[str, str]:
@@ -206,6 +214,9 @@ def _figures(d: Diagnosis, extras: Extras) -> dict[str, Drawing | None]:
         "left": channel(diagnosis_figures.least_explained(d)).label,
         "input": channel((*d.given.plant.family.required, *d.given.plant.inputs)[0]).label,
         "model": "before and after the diagnosis" if d.changed else "with its coefficients refitted",
+        "slow": "come from process noise here, since one-step predictions leave only noise"
+        if _all_explained(d)
+        else "show that the model is missing something",
     }
     missing = {
         "track": not {"north_m", "east_m"} <= set(d.after.unseen.channels),
@@ -225,22 +236,31 @@ def _figures(d: Diagnosis, extras: Extras) -> dict[str, Drawing | None]:
 
 def _errors(d: Diagnosis) -> list[dict[str, Any]]:
     """Per output: words, error of each stage in unseen parts, and the reduction from before to after."""
+    refitted = "coefficients refitted"
+    labels = {"before": refitted, "refitted": refitted, "after": f"with the {_additions(d)}"}
     rows = []
     for name, before in d.before.scores.items():
-        unit, given, after = channel(name).unit, d.given.scores[name], d.after.scores[name]
+        unit, after = channel(name).unit, d.after.scores[name]
+        stages = [(labels.get(label, label), stage.scores[name]) for label, stage in d.stages.items()]
         rows.append(
             {
                 "name": d.after.unseen.label(name),
-                "given": amount(given.rmse, unit),
                 "unit": amount(after.rmse, unit).partition(" ")[2],
                 "before": amount(before.rmse, unit),
                 "after": amount(after.rmse, unit),
-                "fit": [f"{number(s.fit_percent)} %" for s in (given, before, after)],
-                "largest": [amount(s.maximum, unit) for s in (given, before, after)],
+                "stages": [
+                    (label, amount(s.rmse, unit), amount(s.maximum, unit), f"{number(s.fit_percent)} %")
+                    for label, s in stages
+                ],
                 "less": _less(before.rmse, after.rmse),
             }
         )
     return rows
+
+
+def _additions(d: Diagnosis) -> str:
+    """What the vehicle after has that the one before does not, in words."""
+    return "named effects" if d.effects else "effects" if d.alike else "term found in the data"
 
 
 def _less(before: float, after: float) -> str:
@@ -332,7 +352,10 @@ def _remains(d: Diagnosis) -> list[tuple[str, str]]:
         if r["rms"] < 1.25 * r["noise_floor"]:
             text += "There is little left to explain. "
         elif coloured:
-            text += "The error varies slowly: no accepted effect describes it. "
+            text += "The error varies slowly"
+            text += (
+                ", but one-step predictions leave only noise. " if _all_explained(d) else ": no effect describes it. "
+            )
         text += f"The correlation between neighbouring samples is {number(r['lag_1_correlation'], 2, sign=True)}, "
         text += "so the residual is not white. " if coloured else "and the residual is compatible with white noise. "
         strongest = next(iter(r["rate_correlates_with"].items()), None)
@@ -439,7 +462,7 @@ def _effect(d: Diagnosis, e: Effect, titles: dict[str, str]) -> dict[str, Any]:
     return {
         "title": e.title,
         "path": e.path,
-        "value": amount(e.value, e.unit, sign=signed),
+        "value": at_most(e.value, e.ci95, e.neutral) + amount(e.value, e.unit, sign=signed),
         "si": both(e.value, e.unit).partition("(")[2].rstrip(")"),
         "interval": span(e.ci95, e.unit),
         "interval_si": _interval_si(e),
@@ -473,7 +496,8 @@ def _alternative(d: Diagnosis, path: str, titles: dict[str, str]) -> dict[str, s
     member = next((m for e in d.added for m in e.members if m.path == path), None)
     if member is None:
         return {"title": titles.get(path, path), "path": path, "value": ""}
-    size = amount(member.value, member.unit, sign=member.neutral == 0.0)
+    size = at_most(member.value, member.ci95, member.neutral)
+    size += amount(member.value, member.unit, sign=member.neutral == 0.0)
     value = f"{size} ({span(member.ci95, member.unit)}), {_percent(member.probability)}"
     return {"title": titles.get(path, path), "path": path, "value": value}
 
@@ -511,9 +535,14 @@ def _in_order(items: Sequence[Detectable], plant: Plant) -> list[Detectable]:
     return sorted(items, key=lambda x: (not isfinite(x.size), x.size / (spec_at(plant, x.path).probe or 1.0)))
 
 
-def _detectable(x: Detectable, plant: Plant, titles: dict[str, str]) -> dict[str, Any]:
-    probe = spec_at(plant, x.path).probe
-    seen = isfinite(x.size)
+def _detectable(d: Diagnosis, x: Detectable, titles: dict[str, str]) -> dict[str, Any]:
+    plant, seen = d.given.plant, isfinite(x.size)
+    probe, twin = spec_at(plant, x.path).probe, plant.twins.get(x.path, "")
+    remark = _worded(x.reason, titles)
+    if not seen:
+        remark = f"not detectable in this log{f': {remark}' if remark else ''}"
+        if twin in {c.path for c in d.coefficients}:
+            remark = f"would change the refitted coefficient {titles[twin]}; see its interval"
     return {
         "title": x.title or x.path,
         "path": x.path,
@@ -521,7 +550,7 @@ def _detectable(x: Detectable, plant: Plant, titles: dict[str, str]) -> dict[str
         "size": amount(x.size, x.unit) if seen else "",
         "probe": quantity(probe, x.unit),
         "probes": number(x.size / probe, 2) if seen and probe > 0.0 else "",
-        "reason": _worded(x.reason, titles),
+        "remark": remark,
     }
 
 

@@ -2,11 +2,13 @@
 
 import json
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from auv_gym.cli import main
+from auv_gym.cli.diagnose import _error_table
 from auv_gym.cli.options.logs import thinned
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
@@ -207,3 +209,14 @@ def test_a_log_in_degrees_ends_with_the_command_that_shows_it(tmp_path, capsys):
     assert code == 0
     told = " ".join(capsys.readouterr().out.split())
     assert f"Next: auv-gym look {tmp_path / 'log.nc'} (this compares the log with all vehicles" in told
+
+
+def test_the_table_of_errors_has_each_stage_under_its_own_name():
+    def stage(rmse: float) -> SimpleNamespace:
+        return SimpleNamespace(scores={"depth_m": SimpleNamespace(rmse=rmse)})
+
+    stages = {"as given": stage(0.13), "refitted": stage(0.0216)}
+    d = SimpleNamespace(stages=stages, given=stages["as given"], before=stages["as given"], reach="", unseen_words="")
+    shown = _error_table(d)  # type: ignore[arg-type]
+    cells = {str(column.header): [str(cell) for cell in column.cells] for column in shown.columns}
+    assert cells == {"channel": ["depth_m"], "as given": ["0.13 m"], "refitted": ["0.0216 m"]}

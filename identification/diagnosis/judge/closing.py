@@ -189,9 +189,10 @@ def _judged(name: str, record: Record, runs: Mapping[str, np.ndarray], log: str)
     apart = {stage: inf if np.isinf(runs[stage]).any() else _rms(_apart(name, errors[stage], logged)) for stage in runs}
     unit = channel(name).unit
     said = {stage: quantity(v, unit) if np.isfinite(v) else "no stable run" for stage, v in apart.items()}
+    begin = "as given" if runs["before"] is runs["given"] else "before"
     words = (
         f"In closed loop, the RMS error of {channel(name).label} was {quantity(_rms(logged), unit)} in {log}. The "
-        f"simulated loop differs from the logged one by {said['before']} before and {said['after']} after."
+        f"simulated loop differs from the logged one by {said['before']} {begin} and {said['after']} after."
     )
     tracking = {stage: inf if np.isinf(runs[stage]).any() else _rms(e) for stage, e in errors.items()}
     return ClosedLoop(name, unit, _rms(logged), apart["given"], apart["before"], apart["after"], tracking, words)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from identification.diagnosis.search.constancy import OfDive, varies
-from identification.diagnosis.wording import interval, quantity, sized
+from identification.diagnosis.wording import at_most, interval, quantity, sized
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,11 @@ class Member:
     unit: str
     ci95: tuple[float, float]
     spared: tuple[str, ...] = ()
+
+    @property
+    def size(self) -> str:
+        """Its size in words."""
+        return at_most(self.value, self.ci95, self.neutral) + quantity(self.value, self.unit)
 
 
 @dataclass(frozen=True)
@@ -83,20 +88,28 @@ class Effect:
         return self.title if self.coefficient is None else f"another {self.coefficient.title}"
 
     @property
+    def size(self) -> str:
+        """Its size in words, as that of a coefficient where it does nothing but change one."""
+        c = self.coefficient
+        if c is not None:
+            return quantity(c.value, c.unit)
+        return at_most(self.value, self.ci95, self.neutral) + quantity(self.value, self.unit)
+
+    @property
     def told(self) -> str:
         """What is the matter, its size and its interval, in words."""
         c = self.coefficient
         if c is None:
-            return sized(self.title, quantity(self.value, self.unit), interval(self.ci95, self.unit))
-        given = f"given {quantity(c.given, c.unit)}"
-        return sized(f"another {c.title}", quantity(c.value, c.unit), interval(c.ci95, c.unit), given)
+            return sized(self.title, self.size, interval(self.ci95, self.unit))
+        return sized(f"another {c.title}", self.size, interval(c.ci95, c.unit), f"given {quantity(c.given, c.unit)}")
 
 
 @dataclass(frozen=True)
 class Coefficient:
     """A coefficient of the vehicle, as given and as refitted.
 
-    wrong: surely not what was given.  limited: as far from there as its doubt lets a fit go.
+    moved: surely not what was given.  wrong: nor within what the vehicle states.  limited: as far from there as its
+    doubt lets a fit go.
     """
 
     path: str
@@ -107,6 +120,15 @@ class Coefficient:
     ci95: tuple[float, float]
     wrong: bool = False
     limited: bool = False
+    moved: bool = False
+
+    @property
+    def change(self) -> str:
+        """By how much it differs from the given value, with the interval, in words."""
+        if self.given == 0.0:
+            return f"{quantity(self.value, self.unit)} (95 % interval {interval(self.ci95, self.unit)}, given 0)"
+        share, *limits = (100.0 * (v / self.given - 1.0) for v in (self.value, *self.ci95))
+        return f"{share:+.3g} % (95 % interval {interval((min(limits), max(limits)), '%')})"
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -124,6 +124,26 @@ class Result:
         """The vehicle as given, before and after; as in the last log, where logs have effects of their own."""
         stages = {"given": self.given, "before": self.before, "after": self.after}
         return {name: in_last_log(stage.plant, self.record) for name, stage in stages.items()}
+
+    @property
+    def stages(self) -> dict[str, Stage]:
+        """The stages that differ, by what they are called: as given, before or refitted, after."""
+        found = {"as given": self.given}
+        if self.refitted is not self.given:
+            found["before" if self.changed and self.before is self.refitted else "refitted"] = self.refitted
+        if self.changed and self.after is not self.refitted:
+            found["after"] = self.after
+        return found
+
+    @property
+    def sensors(self) -> Kinematics | None:
+        """What kinematics says, without the comparison of depth with a speed that was derived from it."""
+        if self.kinematics is None or "u_mps: depth rate" not in str(self.record.attrs.get("derived", "")):
+            return self.kinematics
+        derived = "depth against speed through the water"
+        equations = tuple(title for title in self.kinematics.equations if title != derived)
+        mismatches = tuple(m for m in self.kinematics.mismatches if m.between[0] != derived)
+        return replace(self.kinematics, equations=equations, mismatches=mismatches)
 
     @property
     def changed(self) -> bool:

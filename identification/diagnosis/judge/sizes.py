@@ -115,16 +115,17 @@ def as_coefficients(plant: Plant, effects: Sequence[Effect]) -> list[Effect]:
 def coefficient_of(
     plant: Plant, path: str, size: tuple[float, float, float], count: int, deviation: float
 ) -> Coefficient:
-    """A refitted coefficient; wrong where it surely left its given value, by more than that was said to be off by.
+    """A refitted coefficient; wrong where it surely moved, by more than the given value was said to be off by.
 
     deviation: standard deviation of the given value.  One that the vehicle states for itself is taken at its word.
     """
     spec, given, (value, error, _) = spec_at(plant, path), value_at(plant, path), size
-    moved = abs(value - given)
-    stated = SURPRISE * deviation if path in plant.deviations else LEAST_CHANGE * abs(given)
-    wrong = moved > stated and moved > np.sqrt(threshold(count)) * error
-    limited = moved >= 0.999 * REACH * deviation > 0.0
-    return Coefficient(path, spec.title, spec.unit, given, value, _span(size), bool(wrong), bool(limited))
+    change, least = abs(value - given), LEAST_CHANGE * abs(given)
+    stated = SURPRISE * deviation if path in plant.deviations else least
+    sure = change > np.sqrt(threshold(count)) * error
+    wrong, moved, limited = sure and change > stated, sure and change > least, change >= 0.999 * REACH * deviation > 0.0
+    span = _span(size)
+    return Coefficient(path, spec.title, spec.unit, given, value, span, bool(wrong), bool(limited), bool(moved))
 
 
 def coefficient_twins(plant: Plant, found: Sequence[Coefficient]) -> list[tuple[str, ...]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from auv_gym.channels import channel
@@ -26,13 +28,14 @@ from identification.diagnosis.wording import (
 from identification.fit.changing import ChangingPlant, changed, plain
 
 _FEW_DIVES = 6  # that a sentence lists
+_FEW_COEFFICIENTS = 4  # that a sentence lists
 _BETTER = 0.95  # of the refitted model's error, below which that of the given one is said to be less
 
 
 def paragraphs(d: Result) -> list[str]:
     """The summary in paragraphs: verdict and errors; ties; doubts about effects; what remains; how it was read."""
     grouped = (
-        (_sentence(d), _caution_sentence(d), unfinished_sentence(d), _error_sentence(d)),
+        (_sentence(d), _refitted_sentence(d), _caution_sentence(d), unfinished_sentence(d), _error_sentence(d)),
         (_tied_sentence(d), _likelier_sentence(d), _common_sentence(d)),
         (
             _halves_sentence(d),
@@ -90,8 +93,21 @@ def likelier(e: Effect) -> list[Member]:
 
 def _with_likelier(e: Effect) -> str:
     """A named effect with its size, after what is more probable if there is any: the fit alone has no say in that."""
-    others = [sized(m.title, quantity(m.value, m.unit), interval(m.ci95, m.unit)) for m in likelier(e)]
+    others = [sized(m.title, m.size, interval(m.ci95, m.unit)) for m in likelier(e)]
     return ", or ".join([*others, e.told])
+
+
+def _refitted_sentence(d: Result) -> str:
+    """Coefficients that are surely not as given and that no other sentence tells, the largest changes first."""
+    told = {e.coefficient.path for e in d.effects if e.coefficient is not None}
+    told |= {c.path for c in d.coefficients if c.wrong and d.verdict == "coefficients"}
+    moved = [c for c in d.coefficients if c.moved and c.path not in told]
+    if not moved or d.verdict == "doubted":
+        return ""
+    moved.sort(key=lambda c: -abs(c.value - c.given) / max(abs(c.given), 1e-300))
+    listing = "; ".join(f"{c.title} {c.change}" for c in moved[:_FEW_COEFFICIENTS])
+    more = len(moved) - _FEW_COEFFICIENTS
+    return f"Refitted coefficients: {listing}{f'; and {more} more' if more > 0 else ''}."
 
 
 def _caution_sentence(d: Result) -> str:
@@ -186,10 +202,10 @@ def unsteady_sentence(d: Result) -> str:
 
 def _sought(d: Result, when: str) -> str:
     """Which command looks for what changes within a log, or between several."""
-    within = f"`auv-gym onset` looks for {when}"
+    within = f"auv-gym onset looks for {when}"
     if len(set(d.record.labels)) < 2:
         return within
-    return f"`auv-gym compare-missions` compares the logs with each other, and {within}"
+    return f"auv-gym compare-missions compares the logs with each other, and {within}"
 
 
 def slight_sentence(d: Result) -> str:
@@ -299,11 +315,10 @@ def left_sentence(d: Result) -> str:
         text += f"Lasting sensor errors ({misread}) are larger at some times than at others. "
     if left.changes and left.changes not in {*d.dropped, *(e.path for e in d.alike)}:
         title = spec_at(d.state.plant, left.changes).title or left.changes
-        text += (
-            "What remains acts like a clock of the log whose rate differs between parts of it. "
-            if left.changes == CLOCK  # of all channels at once; so may other causes
-            else f"The {title} differs between parts of the log: something changed during the log. "
-        )
+        if left.changes != CLOCK:
+            text += f"The {title} differs between parts of the log: something changed during the log. "
+        elif not replace(left, changes=""):  # beside what a clock does not do, it is hardly the clock
+            text += "What remains acts like a clock of the log whose rate differs between parts of it. "
     if left.passing:
         title = spec_at(d.state.plant, left.passing).title or left.passing
         text += (
@@ -314,19 +329,24 @@ def left_sentence(d: Result) -> str:
 
 
 def _error_sentence(d: Result) -> str:
-    parts = []
+    """The errors of free runs: before and after, or of the refitted vehicle, and as given where that is wrong."""
+    parts, corrected = [], d.before is d.given and d.before is not d.after
+    first = "as given" if corrected else "before"
+    last = "after" if d.changed and d.after is not d.refitted else "refitted"
     for name, before in d.before.scores.items():
         after = d.after.scores[name]
         label, unit = d.after.unseen.label(name), channel(name).unit
-        if d.changed:
-            parts.append(f"{label} {quantity(before.rmse, unit)} before, {quantity(after.rmse, unit)} after")
-        else:
-            beyond = float(np.sqrt(max(before.rmse**2 - d.noise_of(name) ** 2, 0.0)))
-            known = np.isfinite(beyond) and quantity(beyond, unit) != quantity(before.rmse, unit)
+        size = quantity(after.rmse, unit)
+        if d.changed or corrected:
+            size = f"{quantity(before.rmse, unit)} {first}, {size} {last}"
+        told = ""
+        if not d.changed:
+            beyond = float(np.sqrt(max(after.rmse**2 - d.noise_of(name) ** 2, 0.0)))
+            known = np.isfinite(beyond) and quantity(beyond, unit) != quantity(after.rmse, unit)
             told = f" ({quantity(beyond, unit)} beyond the sensor noise)" if known else ""
-            parts.append(f"{label} {quantity(before.rmse, unit)}{told}")
+        parts.append(f"{label} {size}{told}")
     told = f"RMS error of free runs {d.reach} in unseen {d.unseen_words}: {'; '.join(parts)}."
-    worse = [name for name in d.before.scores if d.given.scores[name].rmse < _BETTER * d.before.scores[name].rmse]
+    worse = [name for name, refit in d.refitted.scores.items() if d.given.scores[name].rmse < _BETTER * refit.rmse]
     if not worse:
         return told
     given = [

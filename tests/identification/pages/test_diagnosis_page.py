@@ -17,7 +17,9 @@ from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record, concat
 from identification.diagnosis import as_json, diagnose
+from identification.diagnosis.judge.effects import Detectable
 from identification.diagnosis.judge.result import RARE
+from identification.diagnosis.log.kinematics import Kinematics
 from identification.diagnosis.log.plausibility import Doubt
 from identification.diagnosis.search.discovery import Discovery
 from identification.diagnosis.search.remainder import Left
@@ -106,7 +108,7 @@ def test_the_page_shows_the_numbers_of_the_diagnosis(diagnosis, outline):
         assert span(e.ci95, e.unit) in text
         assert e.path in text
     for name in ("heading_rad", "north_m", "east_m"):
-        for stage in (diagnosis.given, diagnosis.before, diagnosis.after):
+        for stage in (diagnosis.given, diagnosis.refitted, diagnosis.after):
             assert amount(stage.scores[name].rmse, channel(name).unit) in text
     assert f"in {len(diagnosis.windows)} parts of the log" in text
     assert f"over {sum(map(len, diagnosis.windows))} windows of" in text
@@ -167,9 +169,73 @@ def test_a_coefficient_that_moved_is_compared_with_the_vehicle_as_given(diagnosi
     )
     text = Outline(diagnosis_page(d)).text
     assert "Before is the vehicle as given." in text
+    assert "as given → after" in text
     assert "rudder gain has exactly the same effect as rudder effectiveness" in text
     c = next(c for c in d.coefficients if c.path == "hull.n_delta")
     assert f"{amount(c.value, c.unit)} instead of {amount(c.given, c.unit)}" in text
+
+
+def test_wrong_coefficients_are_shown_with_the_errors_of_both_models(diagnosis, no_figures):
+    c = replace(diagnosis.coefficients[0], wrong=True)
+    d = replace(
+        diagnosis, verdict="coefficients", before=diagnosis.given, after=diagnosis.refitted, effects=(), tied=(),
+        coefficients=(c,), rounds=(),
+    )  # fmt: skip
+    text = Outline(diagnosis_page(d)).text
+    assert list(d.stages) == ["as given", "refitted"]
+    for label, stage in (("as given", d.given), ("coefficients refitted", d.refitted)):
+        assert f"{label}{amount(stage.scores['heading_rad'].rmse, 'rad')}" in text.replace("\n", "")
+    assert [label for label, *_ in figures.series(d)] == ["refitted model"]
+    legend = [words.get_text() for words in figures.growth_figure(d).legends[0].get_texts()]
+    assert "vehicle as given" in legend
+
+
+def test_the_model_of_a_log_that_it_explains_is_not_said_to_miss_anything(diagnosis, no_figures):
+    remains = {name: r | {"whiteness_p": 0.0, "rms": 9.0} for name, r in diagnosis.remains.items()}
+    d = replace(
+        diagnosis, verdict="none", effects=(), tied=(), before=diagnosis.refitted, after=diagnosis.refitted,
+        left=Left(), discovery=None, remains=remains,
+    )  # fmt: skip
+    text = Outline(diagnosis_page(d)).text
+    assert "missing something" not in text
+    assert "no effect describes it" not in text
+    assert "The error varies slowly, but one-step predictions leave only noise." in text
+    unexplained = Outline(diagnosis_page(replace(d, verdict="unexplained", left=Left(("heading_rad",))))).text
+    assert "missing something" in unexplained
+    assert "The error varies slowly: no effect describes it." in unexplained
+
+
+def test_depth_is_not_said_to_agree_with_a_speed_that_was_derived_from_it(diagnosis, no_figures):
+    own = "depth against speed through the water"
+    kinematics = Kinematics((), (), (own, "heading against gyros"))
+    d = replace(diagnosis, kinematics=kinematics)
+    assert own in Outline(diagnosis_page(d)).text
+    attrs = {"derived": "depth_m: pressure; u_mps: depth rate over sine of pitch, both averaged over 30 s"}
+    values = {name: d.record[name] for name in d.record.names}
+    d = replace(d, record=Record.from_arrays(d.record.time, values, attrs=attrs))
+    text = Outline(diagnosis_page(d)).text
+    assert own not in text
+    assert "independent of forces: heading against gyros." in text
+    assert as_json(d)["kinematics"]["compared"] == ["heading against gyros"]
+    assert (
+        "Sensors against each other"
+        not in Outline(diagnosis_page(replace(d, kinematics=replace(kinematics, equations=(own,))))).text
+    )
+
+
+def test_an_effect_that_acts_as_a_refitted_coefficient_refers_to_it(diagnosis, no_figures):
+    gain = Detectable("effects.rudder.gain", "rudder gain", "1", np.inf, "rudder effectiveness has the same effect")
+    bias = Detectable("effects.compass.bias", "compass bias", "rad", np.inf, "the initial states do the same")
+    text = Outline(diagnosis_page(replace(diagnosis, detectable=(gain, bias)))).text
+    assert "would change the refitted coefficient rudder effectiveness N_dr; see its interval" in text
+    assert "not detectable in this log: the initial states do the same" in text
+
+
+def test_commands_are_named_without_marks_that_a_page_does_not_know(diagnosis, no_figures):
+    alike = (replace(diagnosis.effects[0], steady=1e-6),)
+    page = diagnosis_page(replace(diagnosis, verdict="unexplained", effects=(), tied=(), alike=alike))
+    assert "auv-gym onset looks for when the effect begins or ends" in page
+    assert "`" not in page
 
 
 def test_an_effect_is_compared_with_a_coefficient_that_a_first_fit_does_not_have(diagnosis, no_figures):
@@ -273,6 +339,7 @@ def test_angles_are_in_degrees_and_units_in_print():
     assert amount(0.1, "rad/s^2") == "5.73 deg/s²"
     assert span((-np.pi, np.pi), "rad/s") == "−180 to 180 deg/s"
     assert span((1.7187, 1.7213), "m") == "1.719 to 1.721 m"  # a narrow one has a digit more
+    assert span((1027.041, 1027.042), "kg") == "1027.041 to 1027.042 kg"
     assert span((2.0, 2.0), "m") == "2.00 to 2.00 m"
 
 

@@ -37,7 +37,8 @@ def test_the_corrected_vehicle_repeats_the_logged_loop(vehicle, effects, setting
     loop = next(loop for loop in found if loop.channel in ("heading_rad", "depth_m") and loop.before > 1.2 * loop.after)
     assert loop.after < 0.1 * loop.logged
     assert loop.tracking["after"] == pytest.approx(loop.logged, rel=0.1)
-    assert "before" in loop.words
+    assert " as given and " in loop.words
+    assert "before" not in loop.words
 
 
 def test_samples_before_the_first_set_point_are_left_out_and_later_ones_keep_the_last():

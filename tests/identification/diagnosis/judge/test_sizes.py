@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from auv_gym.param import replace_at
+from auv_gym.param import replace_at, value_at
 from identification.diagnosis.judge.effects import Coefficient
-from identification.diagnosis.judge.sizes import effects_of, turned_gains
+from identification.diagnosis.judge.sizes import coefficient_of, effects_of, turned_gains
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.constancy import Steadiness
@@ -75,3 +75,20 @@ def test_an_actuator_that_surely_acts_the_other_way_is_told(path, ci95, turned):
     own = Coefficient(path, path, "", 0.0002, -0.00025, ci95)
     other = Coefficient("hull.n_v", "N_v", "", 0.1, 0.1, (0.09, 0.11))
     assert turned_gains(PLANT, [own, other]) == ([own] if turned else [])
+
+
+@pytest.mark.parametrize(
+    "share, error, stated, moved, wrong",
+    [
+        (0.2, 0.01, 0.0, True, True),
+        (0.2, 0.01, 0.3, True, False),  # within what the vehicle states
+        (0.2, 0.1, 0.3, False, False),  # not surely
+        (0.01, 0.001, 0.0, False, False),  # too little
+    ],
+)
+def test_a_coefficient_that_surely_moved_is_wrong_only_beyond_what_is_stated(share, error, stated, moved, wrong):
+    given = value_at(PLANT, "hull.n_delta")
+    plant = replace(PLANT, deviations={"hull.n_delta": stated * abs(given)} if stated else {})
+    size = ((1.0 + share) * given, error * abs(given), 2.0 * error * abs(given))
+    c = coefficient_of(plant, "hull.n_delta", size, 18, plant.deviation("hull.n_delta", 0.1))
+    assert (c.moved, c.wrong) == (moved, wrong)

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from auv_gym.plant import load_vehicle
-from identification.diagnosis.judge.effects import AsCoefficient, Effect, Member
+from identification.diagnosis.judge.effects import AsCoefficient, Coefficient, Effect, Member
 from identification.diagnosis.judge.result import RARE, VARIES, WORSE
 from identification.diagnosis.judge.summary import (
     _error_sentence,
     _halves_sentence,
     _likelier_sentence,
+    _refitted_sentence,
     _sentence,
     _small,
     _tied_sentence,
@@ -30,7 +31,7 @@ from identification.diagnosis.search.remainder import Left
 from identification.fit.noises import Noise
 from tests.identification.diagnosis.stand_ins import trial_of
 
-ONSET = "`auv-gym onset` looks for when the effect begins or ends."
+ONSET = "auv-gym onset looks for when the effect begins or ends."
 
 
 @pytest.mark.parametrize(
@@ -103,6 +104,11 @@ def test_of_a_clock_is_said_what_the_rest_acts_like_and_of_a_coefficient_that_it
     ):
         d = SimpleNamespace(alike=(), dropped={}, state=SimpleNamespace(plant=plant), left=Left(changes=path))
         assert left_sentence(d) == words  # type: ignore[arg-type]
+        d.left = Left(gusts=("r_radps",), changes=path)
+        said = left_sentence(d)  # type: ignore[arg-type]
+        assert said.startswith("Random accelerations (yaw rate) are stronger at some times")
+        assert "acts like a clock" not in said  # it would not make some of them stronger
+        assert (words in said) == ("clock" not in path)
 
 
 @pytest.mark.parametrize(
@@ -187,11 +193,70 @@ def test_a_refit_that_errs_more_than_the_given_model_is_not_passed_over(given, w
         unseen = SimpleNamespace(label=lambda name: "heading")
         return SimpleNamespace(scores={"heading_rad": SimpleNamespace(rmse=rmse)}, unseen=unseen)
 
+    before = stage(0.2)
     d = SimpleNamespace(
-        before=stage(0.2), after=stage(0.05), given=stage(given), changed=True, reach="over 100 s", unseen_words="parts"
-    )
+        before=before, refitted=before, after=stage(0.05), given=stage(given), changed=True, reach="over 100 s",
+        unseen_words="parts",
+    )  # fmt: skip
     said = _error_sentence(d)  # type: ignore[arg-type]
     assert said.startswith(
         "RMS error of free runs over 100 s in unseen parts: heading 11.5 deg before, 2.86 deg after."
     )
     assert (words in said) if words else said.endswith("after.")
+
+
+@pytest.mark.parametrize("changed", [False, True])
+@pytest.mark.parametrize("corrected", [False, True])
+def test_each_error_is_that_of_the_stage_it_is_called_by(corrected, changed):
+    def stage(rmse: float) -> SimpleNamespace:
+        unseen = SimpleNamespace(label=lambda name: "depth")
+        return SimpleNamespace(scores={"depth_m": SimpleNamespace(rmse=rmse)}, unseen=unseen)
+
+    given, refitted = stage(0.13), stage(0.05)
+    after = stage(0.01) if changed else refitted
+    before = given if corrected else refitted
+    d = SimpleNamespace(
+        given=given, refitted=refitted, before=before, after=after, changed=changed, reach="over 100 s",
+        unseen_words="parts", noise_of=lambda name: 0.03,
+    )  # fmt: skip
+    said = _error_sentence(d).partition("depth ")[2]  # type: ignore[arg-type]
+    assert (
+        said
+        == {
+            (False, False): "0.05 m (0.04 m beyond the sensor noise).",
+            (True, False): "0.13 m as given, 0.05 m refitted (0.04 m beyond the sensor noise).",
+            (False, True): "0.05 m before, 0.01 m after.",
+            (True, True): "0.13 m as given, 0.01 m after.",
+        }[corrected, changed]
+    )
+
+
+def test_coefficients_that_surely_moved_are_said_unless_they_are_already():
+    drag = Coefficient("hull.drag_0", "drag", "1", 2.0, 2.4, (2.36, 2.44), moved=True)
+    lift = Coefficient("hull.lift_1", "lift", "1", 0.5, 0.48, (0.3, 0.6))
+    turned = Coefficient("hull.drag_2", "induced drag", "1", -4.0, -3.0, (-3.2, -2.8), wrong=True, moved=True)
+    d = SimpleNamespace(verdict="none", effects=(), coefficients=(drag, lift, turned))
+    both = (
+        "Refitted coefficients: induced drag -25 % (95 % interval -30 to -20 %); drag +20 % (95 % interval 18 to 22 %)."
+    )
+    assert _refitted_sentence(d) == both  # type: ignore[arg-type]
+    d.verdict = "coefficients"  # which says those that are wrong
+    assert _refitted_sentence(d) == "Refitted coefficients: drag +20 % (95 % interval 18 to 22 %)."  # type: ignore[arg-type]
+    d.verdict = "doubted"
+    assert _refitted_sentence(d) == ""  # type: ignore[arg-type]
+    named = AsCoefficient(drag.path, drag.title, "1", 2.0, 2.4, drag.ci95)
+    d = SimpleNamespace(verdict="named", effects=(SimpleNamespace(coefficient=named),), coefficients=(drag, lift))
+    assert _refitted_sentence(d) == ""  # type: ignore[arg-type]
+    many = tuple(replace(drag, path=str(k)) for k in range(6))
+    d = SimpleNamespace(verdict="none", effects=(), coefficients=many)
+    assert _refitted_sentence(d).endswith("; and 2 more.")  # type: ignore[arg-type]
+
+
+def test_a_size_at_the_far_end_of_its_interval_is_the_most_that_it_may_be():
+    current = Effect("effects.water.current", "current", -8.31e-5, 0.0, "1/s", (-8.31e-5, 0.0), 17.0, 15.0)
+    assert current.told == "current, up to -8.31e-05 1/s (95 % interval -8.31e-05 to 0 1/s)"
+    for limits in ((-9e-5, 0.0), (-8.31e-5, -8.31e-5), (-9e-5, -8.31e-5)):
+        assert "up to" not in replace(current, ci95=limits).told
+    gain = Member("effects.rudder.gain", "rudder gain", 0.3, 1.2, 1.0, "1", (1.1, 1.2))
+    assert gain.size == "up to 1.2"
+    assert replace(gain, value=1.0, ci95=(1.0, 1.2)).size == "1"

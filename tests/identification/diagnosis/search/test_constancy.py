@@ -169,7 +169,7 @@ def test_nothing_constant_is_named_where_parts_contradict_each_other(monkeypatch
     said = found.summary()
     assert f"no constant effect explains the difference. Part of the difference acts like {alike.told}." in said
     assert said.count("differs between parts of the log") == 1
-    assert "Its size differs between parts of the log: `auv-gym onset`" in said
+    assert "Its size differs between parts of the log: auv-gym onset" in said
     told = as_json(found)
     assert told["effects"] == told["tied"] == []
     assert [e["path"] for e in told["acts_like"]] == [OFFSET]
