@@ -15,6 +15,7 @@ from auv_gym.records.time_axis import SAME, gap_limit
 
 _LEADING = ("heading_rad", "depth_m")  # where no vehicle says which channel it cannot do without
 _SHUFFLED = 0.1  # share of rows that are earlier than the one before, from which a log was not written in this order
+_BESIDE = 0.6  # share of a channel's readings in rows of the leading one; a sensor that is twice as fast has a half
 _SLOWEST = 10.0  # intervals of the base; a motion that is sampled more slowly says nothing of what it did in between,
 _SOON = 2.0  # s, unless it is sampled at least so often: underwater, nothing goes far in that time
 
@@ -69,10 +70,11 @@ def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
     """The channels of streams on the times of one of them.
 
     The time base is that of `leading`, or else of heading, of depth, or of the motion channel with the most samples.
-    Its rows are kept as they are if it has a value in most of them, else only those with one.  Inputs, commands and
-    flags keep their last value.  Measurements are interpolated linearly, attitudes along the shortest turn, where two
-    samples are no further apart than the signal's gaps and 10 intervals of the base, or 2 s; elsewhere they are
-    missing.  Raises ValueError if all rows have the same time.
+    Of its table, rows in which only channels of other sensors were read are left out.  Channels with a reading in most
+    of the rows that stay are kept as they are; all others are brought to these rows.  Inputs, commands and flags keep
+    their last value.  Measurements are interpolated linearly, attitudes along the shortest turn, where two samples are
+    no further apart than the signal's gaps and 10 intervals of the base, or 2 s; elsewhere they are missing.
+    Raises ValueError if all rows have the same time.
     """
     notes: list[str] = []
     ordered = [in_order(stream, notes) for stream in streams if stream.time.size]
@@ -86,29 +88,25 @@ def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
         raise ValueError(
             f"All {rows} rows have the same time. A record needs each sample's time: give another column as time_s."
         )
-    whole = not (channel(name).kind == "motion" and _is_sparse(base.values[name]))
-    if not whole:
-        base = base.rows(np.isfinite(base.values[name]))
-    values: dict[str, np.ndarray] = {}
+    beside = _beside(base, name)
+    if channel(name).kind == "motion":
+        base = base.rows(_rows_of(base, beside))
+    values = {known: base.values[known] for known in beside if not _skips_rows(np.isfinite(base.values[known]))}
     intervals: dict[str, float] = {}
     unread: dict[str, np.ndarray] = {}
     spacing = typical_interval(base.time, base.part)
     for number, stream in enumerate(ordered):
-        apart: list[str] = []
-        for known, column in stream.values.items():
-            as_logged = not _is_sparse(column) or (whole and channel(known).kind == "auxiliary")
-            if number == at and as_logged:
-                values[known] = base.values[known]
-            else:
-                apart.append(known)
+        apart = [known for known in stream.values if number != at or known not in values]
         values |= _brought(stream, apart, base, spacing)
         rarer = _rarer(stream, apart, spacing)
         read = {known: _read_at(stream, known, base, spacing) for known in rarer}
         unread |= {known: ~rows for known, rows in read.items() if rows is not None}
         intervals |= {known: interval for known, interval in rarer.items() if read[known] is None}
-    if len(ordered) > 1:
+    others = ordered[at].time.size - base.time.size
+    if len(ordered) > 1 or others:
         rate = f", {1.0 / spacing:.3g} Hz" if 0.0 < spacing < 1.0 else f", every {spacing:.3g} s"
-        notes.append(f"All signals are given at the times of {name or base.name}{rate}.")
+        more = f"; {_counted(others, 'other row')} had no reading of it" if others else ""
+        notes.append(f"All signals are given at the times of {name or base.name}{rate}{more}.")
     return Merged(base.time, values, intervals, unread, _segments(base), name, notes)
 
 
@@ -264,10 +262,30 @@ def _base(streams: Sequence[Stream], leading: str | None) -> tuple[int, str]:
     return -number, name
 
 
-def _is_sparse(column: np.ndarray) -> bool:
-    """Whether a column mostly skips rows between its values: it was sampled apart from the rows that it stands in."""
-    known = np.flatnonzero(np.isfinite(column))
-    return known.size < 2 or np.quantile(np.diff(known), 0.5, method="lower") > 1
+def _beside(base: Stream, leading: str) -> list[str]:
+    """The channels of the base that mostly were read in rows of the leading one, and this one itself.
+
+    A sensor that is faster, or has times of its own, was mostly read in other rows.
+    """
+    rows = np.isfinite(base.values[leading]) | (channel(leading).kind != "motion")
+    read = {name: np.isfinite(column) for name, column in base.values.items()}
+    return [name for name, own in read.items() if name == leading or (own.any() and np.mean(rows[own]) > _BESIDE)]
+
+
+def _rows_of(base: Stream, beside: Sequence[str]) -> np.ndarray:
+    """The rows of the base, (n,), in which these channels were read or nothing was.
+
+    A row without any reading is a missing sample; but where most rows are, it is of a sensor that no mapping names.
+    """
+    own = np.isfinite(np.column_stack([base.values[name] for name in beside])).any(axis=1)
+    kept = own | ~np.isfinite(np.column_stack([*base.values.values()])).any(axis=1)
+    return own if _skips_rows(own[kept]) else kept
+
+
+def _skips_rows(read: np.ndarray) -> bool:
+    """Whether readings mostly have rows without one between them: the sensor is slower than the rows."""
+    found = np.flatnonzero(read)
+    return found.size < 2 or np.quantile(np.diff(found), 0.5, method="lower") > 1
 
 
 def _brought(stream: Stream, names: Iterable[str], base: Stream, spacing: float) -> dict[str, np.ndarray]:

@@ -4,13 +4,26 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from auv_gym.records.attitude import QUATERNION, angles
+from auv_gym.records.attitude import QUATERNION, angles, from_angles
 from auv_gym.records.merging import Stream, in_order, merged
+
+NAMES = ("pitch_rad", "roll_rad", "temperature_C", "salinity_psu", "altitude_m")
 
 
 def stream(time, name="", **values):
     time = np.asarray(time, dtype=float)
     return Stream(time, {k: np.asarray(v, dtype=float) for k, v in values.items()}, name)
+
+
+def interleaved(*streams):
+    """One table of the rows of streams, with blank cells in the columns of the others."""
+    time = np.unique(np.concatenate([one.time for one in streams]))
+    values = {}
+    for one in streams:
+        for name, column in one.values.items():
+            values[name] = np.full(time.size, np.nan)
+            values[name][np.searchsorted(time, one.time)] = column
+    return Stream(time, values)
 
 
 def test_commands_are_held_and_measurements_interpolated():
@@ -214,7 +227,99 @@ def test_a_command_that_is_logged_when_it_changes_holds_in_the_rows_between():
     r = merged([stream(t, heading_rad=0.1 * t, rudder_cmd_rad=0.01 * changed, temperature_C=changed)])
     assert np.isnan(r.values["rudder_cmd_rad"][0])
     assert r.values["rudder_cmd_rad"][1:] == pytest.approx([0.01] * 4 + [0.05] * 5)
-    assert np.isnan(r.values["temperature_C"]).sum() == 8  # a measurement stays as it was logged
+    assert r.values["temperature_C"][1:6] == pytest.approx(t[1:6])  # a measurement is interpolated
+    assert np.flatnonzero(~r.unread["temperature_C"]).tolist() == [1, 5]
+    assert np.isnan(r.values["temperature_C"]).sum() == 5
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.1, 0.3])
+@pytest.mark.parametrize("interval", [0.5, 1.0, 2.0, 4.0, 8.0, 12.0])
+def test_sensors_with_rows_of_their_own_are_brought_to_those_of_the_leading_one(interval, lost):
+    """Faster or slower, and whichever readings were lost: no channel depends on where its rows happen to stand."""
+    rng = np.random.default_rng(1)
+    every = np.arange(0.0, 2000.0, 4.0)
+    others = np.arange(0.3, 2000.0, interval)
+    depth, pitch = every[rng.uniform(size=every.size) >= lost], others[rng.uniform(size=others.size) >= lost]
+    apart = [
+        stream(depth, depth_m=0.1 * depth, temperature_C=0.01 * depth),
+        stream(pitch, "attitude", pitch_rad=1e-4 * pitch, heading_rad=2e-4 * pitch),
+        stream(pitch[::3] + 0.1, "engine", buoyancy_volume_m3=1e-6 * pitch[::3], rudder_cmd_rad=pitch[::3]),
+    ]
+    r, as_streams = merged([interleaved(*apart)], "depth_m"), merged(apart, "depth_m")
+    assert r.time.tolist() == depth.tolist()
+    for name, values in as_streams.values.items():
+        assert np.array_equal(r.values[name], values, equal_nan=True), name
+    assert (r.intervals, list(r.unread)) == (as_streams.intervals, list(as_streams.unread))
+    known = np.isfinite(r.values["pitch_rad"])
+    assert known.mean() > (0.98 if interval < 8.0 else 0.8)
+    assert r.values["pitch_rad"][known] == pytest.approx(1e-4 * depth[known])
+    assert r.notes[-1].startswith("All signals are given at the times of depth_m, every 4 s; ")
+    assert r.notes[-1].endswith(" other rows had no reading of it.")
+
+
+def test_a_burst_of_other_sensors_between_two_rows_leaves_no_hole():
+    """Were their rows kept, the leading channel would be missing in five rows in a row, and the record cut there."""
+    t = np.arange(0.0, 600.0)
+    bursts = [stream(t[::5] + 0.1 * (k + 1), **{name: 1e-3 * t[::5]}) for k, name in enumerate(NAMES)]
+    r = merged([interleaved(stream(t, depth_m=t), *bursts)], "depth_m")
+    assert r.values["depth_m"].tolist() == r.time.tolist() == t.tolist()
+    for k, name in enumerate(NAMES):
+        assert r.values[name][1:596] == pytest.approx(1e-3 * (t[1:596] - 0.1 * (k + 1)))
+
+
+def test_commands_of_an_interleaved_table_are_held():
+    depth, fast, slow = np.arange(0.0, 400.0, 4.0), np.arange(0.3, 400.0), np.arange(2.3, 400.0, 40.0)
+    table = interleaved(
+        stream(depth, depth_m=depth), stream(fast, rudder_rad=fast), stream(slow, depth_cmd_m=slow, dvl_good=slow > 200)
+    )
+    r = merged([table], "depth_m")
+    assert r.values["rudder_rad"][1:].tolist() == (np.floor(depth[1:] - 0.3) + 0.3).tolist()
+    held = slow[np.searchsorted(slow, depth[1:]) - 1]
+    assert r.values["depth_cmd_m"][1:].tolist() == held.tolist()
+    assert r.values["dvl_good"][1:].tolist() == (held > 200).tolist()
+
+
+def test_attitudes_of_an_interleaved_table_are_interpolated_along_the_shortest_turn():
+    depth, fast = np.arange(0.0, 400.0, 4.0), np.arange(0.3, 401.0)
+    turned = np.column_stack([np.cos(0.05 * fast), 0 * fast, np.sin(0.05 * fast), 0 * fast])  # loops of pitch
+    roll, pitch, heading = angles(turned)
+    table = interleaved(stream(depth, depth_m=depth), stream(fast, roll_rad=roll, pitch_rad=pitch, heading_rad=heading))
+    r = merged([table], "depth_m")
+    found = from_angles(*(r.values[name][1:] for name in ("roll_rad", "pitch_rad", "heading_rad")))
+    truth = np.column_stack([np.cos(0.05 * depth), 0 * depth, np.sin(0.05 * depth), 0 * depth])[1:]
+    assert np.abs(np.sum(found * truth, axis=1)) == pytest.approx(np.ones(len(truth)), abs=1e-12)
+
+
+def test_a_channel_that_is_read_in_every_row_does_not_lead_for_that():
+    t = np.arange(0.0, 40.0, 0.1)
+    r = merged([stream(t, pitch_rad=t, depth_m=np.where(np.arange(400) % 10 == 3, t, np.nan))], "depth_m")
+    assert r.time.tolist() == t[3::10].tolist()
+    assert r.values["pitch_rad"].tolist() == r.values["depth_m"].tolist() == r.time.tolist()
+
+
+def test_rows_in_which_the_leading_channel_is_missing_stay():
+    """They are missing samples of one table, which a record fills, or tells of."""
+    t, rng = np.arange(500.0), np.random.default_rng(1)
+    lost, other = rng.uniform(size=500) < 0.2, rng.uniform(size=500) < 0.1
+    table = stream(
+        t, depth_m=np.where(lost, np.nan, t), pitch_rad=np.where(other, np.nan, t), u_mps=np.where(t % 5, np.nan, t)
+    )
+    r = merged([table], "depth_m")
+    assert r.time.tolist() == t.tolist()
+    assert np.isnan(r.values["depth_m"]).tolist() == lost.tolist()
+    assert np.isnan(r.values["pitch_rad"]).tolist() == other.tolist()
+    assert r.values["u_mps"][:496] == pytest.approx(t[:496])
+    assert not r.notes
+
+
+def test_rows_of_sensors_that_no_mapping_names_are_left_out():
+    t = np.arange(400.0)
+    r = merged([stream(t, depth_m=np.where(t % 4 == 1, t, np.nan))])
+    assert r.values["depth_m"].tolist() == r.time.tolist() == t[1::4].tolist()
+
+
+def test_a_leading_channel_without_readings_leaves_no_rows():
+    assert merged([stream(np.arange(9.0), depth_m=np.full(9, np.nan), pitch_rad=np.ones(9))], "depth_m").time.size == 0
 
 
 def test_without_a_vehicle_heading_leads_then_depth():

@@ -35,11 +35,11 @@ def test_a_csv_comes_in_in_si_and_continuous(log):
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
 @pytest.mark.parametrize("label", [False, True])
 def test_delimiters_comments_blanks_and_empty_cells(tmp_path, delimiter, label):
-    rows = ["time_s,depth_m,temperature_C,stage,run", "0,1,,,1", "1,,8.5,2,1", "", "2,3,,,1", "3,4,nan,NA,1"]
+    rows = ["time_s,depth_m,temperature_C,stage,run", "0,1,8.4,,1", "1,,8.5,2,1", "", "2,3,8.6,,1", "3,4,nan,NA,1"]
     text = "# made by hand\n" + "\n".join([*rows, ""]).replace(",", delimiter)
     r = read_record(write(tmp_path / "log.txt", text.replace("1\n", "one\n") if label else text))
     assert r["depth_m"].tolist() == [1, 2, 3, 4]
-    assert np.isnan(r["temperature_C"]).tolist() == [True, False, True, True]
+    assert np.isnan(r["temperature_C"]).tolist() == [False, False, False, True]
     assert r["stage"][1] == 2
 
 
@@ -145,6 +145,20 @@ def test_a_bad_csv_is_refused_by_name(tmp_path, text, message):
     with pytest.raises(ValueError, match=message) as caught:
         read_record(path)
     assert str(path) in str(caught.value)
+
+
+def test_sensors_with_rows_of_their_own_in_one_file(tmp_path):
+    """Attitude every 5 s, CTD every 10 s, and a buoyancy engine every 20 s, as in the table of a laboratory."""
+    found = {f"{k},{k / 20},,": k for k in range(0, 2000, 5)}
+    found |= {f"{k + 0.4},,{k + 0.4},": k + 0.4 for k in range(0, 2000, 10)}
+    found |= {f"{k + 0.7},,,{k + 0.7}": k + 0.7 for k in range(0, 2000, 20)}
+    rows = sorted(found, key=lambda row: found[row])
+    path = write(tmp_path / "log.csv", "\n".join(["time_s,pitch_deg,depth_m,buoyancy_volume_cm3", *rows, ""]))
+    r = read_record(path, required=["depth_m", "pitch_rad"])
+    assert r.time.tolist() == r["depth_m"].tolist() == [k + 0.4 for k in range(0, 2000, 10)]
+    assert r["pitch_rad"] == pytest.approx(np.radians(r.time / 20))
+    assert r["buoyancy_volume_m3"][1:-1] == pytest.approx(1e-6 * r.time[1:-1])
+    assert r.interval_of("buoyancy_volume_m3") == pytest.approx(20.0)
 
 
 def test_long_runs_without_values_cut_or_raise(tmp_path):
