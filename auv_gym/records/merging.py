@@ -277,9 +277,17 @@ def _rows_of(base: Stream, beside: Sequence[str]) -> np.ndarray:
 
     A row without any reading is a missing sample; but where most rows are, it is of a sensor that no mapping names.
     """
-    own = np.isfinite(np.column_stack([base.values[name] for name in beside])).any(axis=1)
-    kept = own | ~np.isfinite(np.column_stack([*base.values.values()])).any(axis=1)
+    own = _read(base, beside)
+    kept = own | ~_read(base, base.values)
     return own if _skips_rows(own[kept]) else kept
+
+
+def _read(stream: Stream, names: Iterable[str]) -> np.ndarray:
+    """The rows, (n,), in which one of these channels has a reading."""
+    found = np.zeros(stream.time.size, dtype=bool)
+    for name in names:
+        found |= np.isfinite(stream.values[name])
+    return found
 
 
 def _skips_rows(read: np.ndarray) -> bool:
