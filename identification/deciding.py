@@ -89,6 +89,10 @@ COST = 5.4
 Source: half the 0.1 % point of chi-square with one degree of freedom."""
 LONGEST_SWELL = 25.0
 """Longest period, s, at which waves are looked for.  Source: the longest ocean swell."""
+SHORTEST_INTERNAL_WAVE = 150.0
+"""Shortest period, s, at which internal waves are looked for.  Source: the buoyancy period of a sharp thermocline."""
+LONGEST_INTERNAL_WAVE = 3600.0
+"""Longest such period, s, and no longer than half of a stretch.  Source: the buoyancy period of deep water."""
 MOST_SWELLS = 3
 """Most periods of waves.  Source: convention, time: each is two more states of the filter for each velocity."""
 LEAST_OF_SWELL = 2
@@ -172,7 +176,7 @@ RIVAL = 0.1
 # Search: whether something is left, and terms for it
 
 LEFT = 0.005
-"""Probability that one of seven tests sees something left where nothing is.  Source: convention, 3.5 % for all."""
+"""Probability that one of eight tests sees something left where nothing is.  Source: convention, 4 % for all."""
 GUST_PARTS = 16
 """Parts of a log in which random accelerations may be stronger; halves and quarters of so many are tried, too.
 Source: convention."""

@@ -130,6 +130,9 @@ class Family:
     # of these, those that commands move: they follow the vehicle's model, from rest where a segment of a log begins
     driven: frozenset[str] = frozenset()
 
+    # whether internal waves, of minutes, carry it up and down
+    carried: bool = False
+
     # coefficients that only take energy: those that are negative stay so in fits, or runs would drive themselves
     dissipating: frozenset[str] = frozenset()
 

@@ -163,8 +163,8 @@ class Followed(Linearised):
         value = float(self._taken_up @ logs[:channels])
         if not pushed:
             return value, slope
-        centre, deviation, *_ = self.slowness
-        far = np.where(self._leading, (logs[-pushed:] - centre) / deviation, 0.0)
+        deviation = self.slowness[1]
+        far = np.where(self._leading, (logs[-pushed:] - self.usual_times) / deviation, 0.0)
         slope[-pushed:] = -far / deviation
         return value - 0.5 * float(far @ far), slope
 

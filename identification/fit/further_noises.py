@@ -36,16 +36,15 @@ class Noisier:
 def further_noises(
     problem: PredictionErrors, plant: Plant, paths: Sequence[str], point: Point, waves_alone: bool = False
 ) -> list[Noisier]:
-    """The noises that make a fitted point likelier, one kind after the other; none for a vehicle of one velocity.
+    """The noises that make a fitted point likelier, one kind after the other; see `_kinds`.
 
-    Where errors have a period, a swell that pushes two velocities or more, or that sensors misread; where those of a
-    channel are coloured, errors of its readings that last.  Nothing tells an error that lasts from what moves a vehicle
-    of one velocity.  A swell's period is one parameter more, and costs as much as an acceleration does.
+    None for a vehicle of one velocity, unless internal waves carry it (`Family.carried`): nothing tells an error that
+    lasts from what moves it.  A swell's period is one parameter more, and costs as much as an acceleration does.
     plant: of the point, which was fitted over the paths.  waves_alone: a swell that pushes, and no errors of sensors;
     nothing where errors keep a period beside it, as those of a sensor do that swings while nothing else moves.
     """
     found: list[Noisier] = []
-    while len(problem.velocities) >= LEAST_OF_SWELL and (kinds := _kinds(problem, point, waves_alone)):
+    while _waved(problem) and (kinds := _kinds(problem, point, paths, waves_alone)):
         likeliest, most = None, 0.0
         for kind, other in zip(kinds, side_by_side(partial(_pruned, problem, plant, paths, point), kinds), strict=True):
             gain = 0.0 if other is None else _gain(problem, point, other, paths) - COST * (kind[2] > 0.0)
@@ -65,8 +64,14 @@ def begun_beside(problem: PredictionErrors, point: Point, paths: Sequence[str]) 
     return problem.renewed(near, near.logs, paths)
 
 
-def _kinds(problem: PredictionErrors, point: Point, waves_alone: bool) -> list[Added]:
-    """The noises that the errors of a point may be due to."""
+def _kinds(problem: PredictionErrors, point: Point, paths: Sequence[str], waves_alone: bool) -> list[Added]:
+    """The noises that the errors of a point may be due to.
+
+    Where errors have a period, a swell that pushes two velocities or more, or that sensors misread; where those of a
+    channel are coloured, errors of its readings that last.  Of a vehicle that they carry, internal waves.
+    """
+    if problem.plant.family.carried:
+        return [] if waves_alone else _internal_waves(problem, point, paths)
     period = period_of_swell(problem, point) if np.unique(problem.periods).size <= MOST_SWELLS else None
     kinds: list[Added] = [(problem.velocities, (), period)] if period else []
     if waves_alone:
@@ -77,6 +82,31 @@ def _kinds(problem: PredictionErrors, point: Point, waves_alone: bool) -> list[A
     known = {problem.pushed[d] for d in np.flatnonzero(problem.misread & ~problem.swells)}
     lasting = [c for c in coloured if problem.channels[c] not in known]
     return [*kinds, ((), lasting, 0.0)] if lasting else kinds
+
+
+def _waved(problem: PredictionErrors) -> list[int]:
+    """Which accelerations, or drifts of what internal waves carry, further noises may come beside."""
+    if problem.plant.family.carried:
+        return np.flatnonzero(~problem.further).tolist()
+    return problem.velocities if len(problem.velocities) >= _least(problem) else []
+
+
+def _least(problem: PredictionErrors) -> int:
+    """How many velocities waves push at the least: a loop that swings may look like waves that push one."""
+    return 1 if problem.plant.family.carried else LEAST_OF_SWELL
+
+
+def _internal_waves(problem: PredictionErrors, point: Point, paths: Sequence[str]) -> list[Added]:
+    """Waves of the likeliest period, all else held, beside random drifts without waves.
+
+    Their spectrum is broad, so that errors beside these show no peak, and need not be coloured.
+    """
+    if problem.periods.any() or not problem.is_pushed(point):
+        return []
+    kinds: list[Added] = [(_waved(problem), (), period) for period in problem.periods_of_internal_waves]
+    near = side_by_side(lambda kind: begun_beside(problem.with_noises(*kind), point, paths), kinds)
+    likely = [problem.with_noises(*kind).objective(there, paths) for kind, there in zip(kinds, near, strict=True)]
+    return [kinds[int(np.argmax(likely))]] if kinds else []
 
 
 def _pruned(
@@ -90,7 +120,7 @@ def _pruned(
     there = Noisier(added, other, other.solve(plant, paths, near.point))
     pushing, misread = _told(there)
     velocities, readings, period = added
-    if not (pushing or misread) or (velocities and len(pushing) < LEAST_OF_SWELL):
+    if not (pushing or misread) or (velocities and len(pushing) < _least(problem)):
         return None
     if len(misread) < len(readings):
         return _pruned(problem, plant, paths, point, (pushing, misread, period))

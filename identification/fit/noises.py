@@ -61,7 +61,7 @@ class Noises(Filter):
         system, times = self._first_system, np.full(len(self.pushed), self.slowness[0])
         guesses = [np.r_[logs, np.log(share * self.unit), times] for share in _FIRST_GUESSES]
         tried = [self._without(guess, np.flatnonzero(self.further).tolist()) for guess in guesses]
-        likely = np.array(side_by_side(partial(self._likelihood, system), tried))
+        likely = np.array(side_by_side(partial(self.likelihood_of_noises, system), tried))
         if not np.isfinite(likely).any():
             raise ValueError(
                 f"The runs of {self.plant.name!r} are not finite from one sample of the record to the next: check its "
@@ -95,13 +95,13 @@ class Noises(Filter):
     def _keeps_to(self, here: Point, system: System) -> bool:
         """Whether the filter of a vehicle keeps to a path along which it is linearised: is as likely as that one."""
         own = self.total(here) - self._cost(here.logs)
-        return own > self._likelihood(system, here.logs) - FAR * len(self.rows)
+        return own > self.likelihood_of_noises(system, here.logs) - FAR * len(self.rows)
 
     @cached_property
     def _first_system(self) -> System:
         return self._system(self.plant.vector, self.first_path, self.starts, self._widest)
 
-    def _likelihood(self, system: System, logs: np.ndarray) -> float:
+    def likelihood_of_noises(self, system: System, logs: np.ndarray) -> float:
         """The log-likelihood of noises by the linearised filter, less the cost of accelerations that are there."""
         return float(self.counted @ run_filter(system, *self._numbers(logs)).scores) - self._cost(logs)
 
@@ -123,14 +123,16 @@ class Noises(Filter):
 
         guesses: (G, D), logarithms of strengths; NaN is none.  slowness: of their times, by default the usual ones.
         """
-        best = self._likelihood(system, logs)
+        best = self.likelihood_of_noises(system, logs)
         for d in (d for d in which if self._leading[d]):
             strength, time = len(self.channels) + d, len(self.channels) + len(self.pushed) + d
             tried = [self._without(logs, [d])]
             for guess in () if guesses is None else guesses[np.isfinite(guesses[:, d]), d]:
                 tried.append(logs.copy())
-                tried[-1][[strength, time]] = guess, self.slowness[0] if slowness is None else slowness
-            for other, reached in zip(tried, side_by_side(partial(self._likelihood, system), tried), strict=True):
+                tried[-1][[strength, time]] = guess, self.usual_times[d] if slowness is None else slowness
+            for other, reached in zip(
+                tried, side_by_side(partial(self.likelihood_of_noises, system), tried), strict=True
+            ):
                 if reached > best:
                     logs, best = other, reached
         return logs
@@ -148,11 +150,10 @@ class Noises(Filter):
         if point.system is None:
             return point.logs, inverse
         pushed = len(self.pushed)
-
         low = np.log(np.maximum(self.steps_of_readings, _LEAST_NOISE * self.floors))
         bounds = [(a, np.log(f) + _NOISE_RANGE) for a, f in zip(low, self.floors, strict=True)]
         bounds += [(np.log(LEAST_PROCESS * u), np.log(u) + _NOISE_RANGE) for u in self.unit]
-        bounds += [self.slowness[2:]] * pushed
+        bounds += [(self.slowness[2], slowest) for slowest in self.slowest]
         limits = np.array(bounds)
         periods = float(self.durations.sum()) / np.exp(self.slowness[0])
         unit = np.sqrt(np.r_[2.0 * np.maximum(self.finite.sum(axis=0), 1), np.full(2 * pushed, max(periods, 1.0))])
@@ -198,8 +199,8 @@ class Noises(Filter):
         strength, tried = len(self.channels) + d, []
         for share in _DOUBTFUL:
             tried.append(logs.copy())
-            tried[-1][[strength, strength + len(self.pushed)]] = np.log(share * self.unit[d]), self.slowness[0]
-        without, *found = side_by_side(partial(self._likelihood, point.system), [logs, *tried])
+            tried[-1][[strength, strength + len(self.pushed)]] = np.log(share * self.unit[d]), self.usual_times[d]
+        without, *found = side_by_side(partial(self.likelihood_of_noises, point.system), [logs, *tried])
         return [other for other, likely in zip(tried, found, strict=True) if likely + COST > without - _FAR_LESS]
 
     def _revived(self, point: Point, logs: np.ndarray, slope: np.ndarray) -> np.ndarray:
@@ -296,9 +297,9 @@ class Noises(Filter):
         variances, deviations, times = self._numbers(point.logs)
         process, swell, lasting = {}, {}, {}
         if point.system is not None:
-            whole = self._likelihood(point.system, point.logs)
+            whole = self.likelihood_of_noises(point.system, point.logs)
             for d in np.flatnonzero(self._there(point.logs) & self._leading):
-                if whole > self._likelihood(point.system, self._without(point.logs, [int(d)])):
+                if whole > self.likelihood_of_noises(point.system, self._without(point.logs, [int(d)])):
                     period, told = float(self.periods[d]), process
                     if self.misread[d] or period:
                         told = (lasting if self.misread[d] else swell).setdefault(period, {})
@@ -318,8 +319,10 @@ class Noises(Filter):
     def logs_of(self, noise: Noise) -> np.ndarray:
         """The logarithms of given noises."""
         process = [
-            noise.told(misread, t).get(n, (LEAST_PROCESS * u, np.exp(self.slowness[0])))
-            for n, u, t, misread in zip(self.pushed, self.unit, self.periods.tolist(), self.misread, strict=True)
+            noise.told(misread, t).get(n, (LEAST_PROCESS * u, np.exp(usual)))
+            for n, u, t, misread, usual in zip(
+                self.pushed, self.unit, self.periods.tolist(), self.misread, self.usual_times, strict=True
+            )
         ]
         values = [noise.measurement[n] for n in self.channels] + [p[0] for p in process] + [p[1] for p in process]
         return np.log(values)

@@ -128,7 +128,7 @@ class PredictionErrors(Noises):
             return here
         there = np.flatnonzero(self._there(here.logs))
         logs, none = self._likeliest(here.system, here.logs, there), self._without(here.logs, there.tolist())
-        lost = self._likelihood(here.system, here.logs) - self._likelihood(here.system, none)
+        lost = self.likelihood_of_noises(here.system, here.logs) - self.likelihood_of_noises(here.system, none)
         far = lost > FAR * len(self.rows)
         tried = {tuple(t): t for t in (logs, here.logs if far else none) if not np.array_equal(t, here.logs)}
         points = [here, *side_by_side(lambda logs: self.point(here.vector, logs, here), list(tried.values()))]
@@ -148,7 +148,7 @@ class PredictionErrors(Noises):
             if self.misread[d]:
                 strengths[d] = point.logs[self.channels.index(self.pushed[d])]
             else:
-                of = next(e for e in self.velocities if self.pushed[e] == self.pushed[d])
+                of = self.pushed.index(self.pushed[d])
                 strengths[d] = strengths[of] + np.log(0.5)
             if self.swells[d]:
                 times[d] = np.log(2.0 * self.periods[d])

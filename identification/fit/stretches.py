@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Self
 
@@ -14,6 +15,7 @@ from auv_gym.model import outputs_of
 from auv_gym.plant import Chart, Correction, Plant, Runs
 from auv_gym.records.attitude import ANGLES
 from auv_gym.records.record import Record
+from identification.deciding import LONGEST_INTERNAL_WAVE, SHORTEST_INTERNAL_WAVE
 from identification.fit.averaging import Averages
 from identification.fit.first_readings import RATES, driven_states
 from identification.fit.parameters import Parameters
@@ -31,6 +33,7 @@ _FEW_SENSORS = 2  # of a vehicle, up to which the filter follows how far their r
 # correlation time of what pushes a vehicle, s, and deviation of its logarithm: from swell, some seconds, to turbulence
 # and changing currents, minutes
 _USUAL_TIME = (25.0, 1.0)
+_ROWS_IN_A_WAVE = 8  # least rows in a period, that a wave can be told from shorter noises
 _OF_READINGS = 10.0  # what errors of readings that last are counted in, of their channel's noise
 
 
@@ -176,7 +179,7 @@ class Stretches(Parameters):
         self.floors, self.steps_of_readings = np.maximum(floors, 1e-8), np.array(steps)
         step = float(np.median(self.durations))
         centre, deviation = np.log(max(_USUAL_TIME[0], 3.0 * step)), _USUAL_TIME[1]
-        self.slowness = (centre, deviation, np.log(0.5 * step), centre + 2.0 * deviation)  # slower ones are effects
+        self.slowness = (centre, deviation, np.log(0.5 * step))
 
     def with_noises(self, velocities: Sequence[int], readings: Sequence[int], period: float) -> Self:
         """The same with more noises: accelerations of a swell, and errors of readings that last.
@@ -221,6 +224,25 @@ class Stretches(Parameters):
     def swells(self) -> np.ndarray:
         """Which noises are those of a swell, (D,)."""
         return self.periods > 0.0
+
+    @cached_property
+    def periods_of_internal_waves(self) -> list[float]:
+        """Periods, s, of which one is near that of any internal wave that a stretch can show."""
+        whole = max(float(self.durations[self.stretch_of_row == w].sum()) for w in range(len(self.stretches)))
+        least = max(SHORTEST_INTERNAL_WAVE, _ROWS_IN_A_WAVE * float(np.median(self.durations)))
+        most = min(LONGEST_INTERNAL_WAVE, 0.5 * whole)
+        count = int(np.ceil(np.log(most / least) / np.log(1.5))) + 1 if most > least else 0
+        return np.geomspace(least, most, count).tolist() if count else []
+
+    @property
+    def usual_times(self) -> np.ndarray:
+        """Logarithms of correlation times that are usual, (D,): those of waves stay in phase for two periods."""
+        return np.maximum(self.slowness[0], np.log(np.maximum(2.0 * self.periods, 1e-9)))
+
+    @property
+    def slowest(self) -> np.ndarray:
+        """Logarithms of the longest correlation times, (D,): what lasts longer is an effect."""
+        return self.usual_times + 2.0 * self.slowness[1]
 
     @property
     def misread(self) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 from auv_gym.channels import channel
 from auv_gym.param import spec_at, value_at
 from auv_gym.records.attitude import ANGLES
-from identification.deciding import SLIGHT, STABLE, UNSTEADY
+from identification.deciding import SHORTEST_INTERNAL_WAVE, SLIGHT, STABLE, UNSTEADY
 from identification.diagnosis.judge.effects import Effect, Member
 from identification.diagnosis.judge.result import Result
 from identification.diagnosis.log.parts import logs_in
@@ -310,6 +310,9 @@ def left_sentence(d: Result) -> str:
         text += (
             f"Random accelerations ({pushed}) are stronger at some times than at others: something acts now and then. "
         )
+    if left.slow:
+        pushed = listed([channel(name).label for name in left.slow])
+        text += f"What pushes the vehicle ({pushed}) lasts longer than random noise does: something acts slowly. "
     if left.misread:
         misread = listed([channel(name).label for name in left.misread])
         text += f"Lasting sensor errors ({misread}) are larger at some times than at others. "
@@ -368,9 +371,11 @@ def noise_sentence(d: Result) -> str:
         pushed = accelerations(d.noise.process)
         told.append(f"Random {' and '.join(sorted(kinds))} push the vehicle (process noise): {pushed}.")
     for period, pushes in d.noise.swell.items():
-        told.append(
-            f"Accelerations with a period of {quantity(period, 's')} push it, as of waves: {accelerations(pushes)}."
-        )
+        what = "Accelerations" if all(name.endswith("ps") for name in pushes) else "Drifts"
+        long = period >= SHORTEST_INTERNAL_WAVE
+        takes = f"{period / 60.0:.0f} min" if long else quantity(period, "s")
+        of = "internal waves" if long else "waves"
+        told.append(f"{what} with a period of {takes} push it, as of {of}: {accelerations(pushes)}.")
     for period, errors in d.noise.lasting.items():
         how = f"swing with a period of {quantity(period, 's')}" if period else "last"
         told.append(f"Some sensor errors {how}: {lasting_errors(errors)}.")

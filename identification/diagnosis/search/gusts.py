@@ -1,4 +1,4 @@
-"""Whether what pushes a vehicle is stronger at some times than at others."""
+"""Whether what pushes a vehicle is stronger at some times than at others, or lasts longer than noise."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from identification.fit.followed import Point
 from identification.fit.prediction_errors import PredictionErrors
 
 _SMALL_STEP = 0.05  # of the logarithm of a strength, for its information
+_LONGER = np.exp([0.5, 1.0, 2.0, 3.0])  # times the longest correlation time, that are tried
 
 
 def gusts(problem: PredictionErrors, point: Point) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -36,3 +37,24 @@ def gusts(problem: PredictionErrors, point: Point) -> tuple[tuple[str, ...], tup
             d = i - len(problem.channels)
             found[int(problem.misread[d])].append(problem.pushed[d])
     return tuple(found[0]), tuple(found[1])
+
+
+def slow(problem: PredictionErrors, point: Point) -> tuple[str, ...]:
+    """What is pushed by noise that surely lasts longer than any may: an effect that acts slowly looks like that.
+
+    By the likelihood of longer correlation times, the strength at high frequencies held, at the level `LEFT`.
+    """
+    system = point.system
+    if system is None:
+        return ()
+    channels, pushed = len(problem.channels), len(problem.pushed)
+    there = np.flatnonzero(problem.pushes(point) & (point.logs[channels + pushed :] >= problem.slowest - 1e-9))
+    found, usual = [], problem.likelihood_of_noises(system, point.logs)
+    for d in there:
+        longer = np.tile(point.logs, (len(_LONGER), 1))
+        longer[:, channels + d] += 0.5 * np.log(_LONGER)
+        longer[:, channels + pushed + d] += np.log(_LONGER)
+        gain = 2.0 * (max(problem.likelihood_of_noises(system, logs) for logs in longer) - usual)
+        if 0.5 * chi2.sf(gain, 1) < LEFT / len(there):
+            found.append(problem.pushed[d])
+    return tuple(found)

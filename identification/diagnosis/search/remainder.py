@@ -12,7 +12,7 @@ from identification.deciding import BLOCKS, CONTENDERS, EXCESS, FEW_STATES, LEFT
 from identification.diagnosis.search.candidates import Candidate, Regression
 from identification.diagnosis.search.constancy import steadiness
 from identification.diagnosis.search.dependence import CLOCK, Dependence, clock_varies, dependence
-from identification.diagnosis.search.gusts import gusts
+from identification.diagnosis.search.gusts import gusts, slow
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.coloured import coloured_channels
 from identification.fit.parameters import moves_of
@@ -25,14 +25,16 @@ class Left:
 
     coloured: channels whose errors are not white.  bursts: those whose errors are large at some times and small at
     others.  gusts: velocities that are pushed harder at some times.  misread: channels whose lasting errors are larger
-    at some times.  depends: what they depend on most.  changes: a coefficient or an effect in which parts of the record
-    contradict each other, or "".  passing: an effect that the whole record does not show, but parts of it do, or "".
+    at some times.  slow: what noise pushes that lasts longer than noise may.  depends: what they depend on most.
+    changes: a coefficient or an effect in which parts of the record contradict each other, or "".  passing: an effect
+    that the whole record does not show, but parts of it do, or "".
     """
 
     coloured: tuple[str, ...] = ()
     bursts: tuple[str, ...] = ()
     gusts: tuple[str, ...] = ()
     misread: tuple[str, ...] = ()
+    slow: tuple[str, ...] = ()
     depends: Dependence | None = None
     changes: str = ""
     passing: str = ""
@@ -45,9 +47,9 @@ def what_is_left(bench: Workbench, state: State) -> Left:
     """What the errors of the filter hold that noise would not.
 
     Process noise is taken to be random and steady: where it follows speeds, depths, angles or commands, or comes in
-    bursts, it is an effect that nobody knows.  A coefficient that differs from one part of the record to the next is
-    none, nor is a clock whose rate does.  Colour, bursts, gusts, dependence, change and clock are a test each, and each
-    sees something in a share `LEFT` of the records without.
+    bursts, or lasts longer than any may, it is an effect that nobody knows.  A coefficient that differs from one part
+    of the record to the next is none, nor is a clock whose rate does.  Colour, bursts, gusts, slowness, dependence,
+    change and clock are a test each, and each sees something in a share `LEFT` of the records without.
     """
     problem, point = bench.problem, state.point
     if not np.isfinite(point.scores).all():  # a filter that is lost explains nothing
@@ -65,7 +67,7 @@ def what_is_left(bench: Workbench, state: State) -> Left:
         changes = CLOCK
     pushed, misread = gusts(problem, point)
     coloured, depends = coloured_channels(problem, point), dependence(bench, state)
-    return Left(coloured, tuple(bursts), pushed, misread, depends, changes)
+    return Left(coloured, tuple(bursts), pushed, misread, slow(problem, point), depends, changes)
 
 
 def passing_effect(bench: Workbench, state: State, candidates: Sequence[Candidate]) -> str:
