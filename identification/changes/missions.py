@@ -12,13 +12,13 @@ from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.changes.forms import Changeable, Sized, in_form, sized, tied_names
 from identification.changes.joined import joined_sides
-from identification.deciding import DOUBT, MOST_EFFECTS, SURPRISE
+from identification.deciding import DOUBT, MOST_EFFECTS, SURPRISE, TIE
 from identification.diagnosis.log.checking import Asked
-from identification.diagnosis.search.attribution import Round, attribute, settled
+from identification.diagnosis.search.attribution import Round, attribute, confirmed, settled
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, deviations_shown, screen
 from identification.diagnosis.search.known import Known, fit_known
-from identification.diagnosis.search.trials import Progress
+from identification.diagnosis.search.trials import Progress, Trial
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.changing import ChangingPlant, Course, change, changed
 
@@ -120,6 +120,7 @@ def compare_missions(
     known, state, rounds = _attributed(known, candidates, most, progress)
     bench = known.bench
     state, rounds = settled(bench, known.nominal, state, rounds, len(candidates))
+    state, rounds = coefficients_first(bench, known.nominal, state, rounds, len(candidates))
     progress(0.85, "sizing what has changed")
     found = [r for r in rounds if r.chosen is not None]
     own = [_own_paths(r, state) for r in found]
@@ -166,6 +167,71 @@ def _attributed(
         state, lambda noisier: _attributed(noisier, candidates, most, progress, chosen), len(candidates)
     )
     return again or (known, state, rounds)
+
+
+def coefficients_first(
+    bench: Workbench, nominal: State, state: State, rounds: Sequence[Round], count: int
+) -> tuple[State, list[Round]]:
+    """The state and the rounds in which a coefficient that has changed leads where it is tied with a changed effect.
+
+    The model has its coefficients anyway, each with a value that no mission knows exactly: an effect beside them is one
+    thing more, and must explain the missions better by more than a tie.  Where it acts as a coefficient does, as a
+    clock's rate in steady flight acts as drag, that value takes up any size that it has on both sides, and evidence
+    does not tell what has changed.
+    nominal, count: see `settled`.
+    """
+    rounds = list(rounds)
+    for number, made in enumerate(rounds):
+        if made.chosen is None or not _changes_an_effect(made.chosen, state.plant):
+            continue
+        able = [t for t in made.trials if _may_lead(bench, t, made.chosen)]
+        if not able:
+            continue
+        first = max(able, key=lambda t: t.total)
+        (path,) = first.candidate.paths
+        there = _in_its_place(bench, state, made.chosen, first)
+        others = (made.chosen, *(t for t in made.tied if t is not first))
+        instead = [*rounds[:number], replace(made, chosen=first, tied=others), *rounds[number + 1 :]]
+        passed, kept = confirmed(bench, nominal, there, instead, count)
+        if len(kept) == len(rounds) and _behind(bench, passed, state, path) < TIE:
+            state, rounds = passed, kept
+    return state, rounds
+
+
+def _changes_an_effect(trial: Trial, plant: Plant) -> bool:
+    form, path = changed(trial.candidate.paths[0])
+    return bool(form) and path not in plant.doubted
+
+
+def _may_lead(bench: Workbench, trial: Trial, chosen: Trial) -> bool:
+    """Whether a trial is of a coefficient that has changed, and is tied with the chosen one."""
+    form, path = changed(trial.candidate.paths[0])
+    if not form or path not in bench.plant.doubted or trial.objection or trial.state is None:
+        return False
+    assert chosen.state is not None
+    return _behind(bench, trial.state, chosen.state, trial.candidate.paths[0]) < TIE
+
+
+def _behind(bench: Workbench, own: State, other: State, path: str) -> float:
+    """The evidence by which a state with a changed coefficient is behind another one.
+
+    path: of the change.  What is known of the coefficient is held against the side on which it is nearer to that, and
+    not against its change: a fit holds it against the side before, though a hull may have been cleaned since.
+    """
+    _, coefficient = changed(path)
+    value = value_at(own.plant, coefficient) + value_at(own.plant, path)
+    after = replace_at(own.plant, coefficient, float(np.clip(value, *spec_at(own.plant, coefficient).bounds)))
+    before, late = (float(bench.problem.pulls(p.vector, [coefficient])[0][0]) ** 2 for p in (own.plant, after))
+    return bench.gain(own, other) - max(before - late, 0.0)
+
+
+def _in_its_place(bench: Workbench, state: State, chosen: Trial, other: Trial) -> State:
+    """A state with another trial in the place of a chosen one, fitted."""
+    assert other.state is not None
+    paths = [p for p in state.paths if p not in chosen.candidate.free]
+    values = {p: spec_at(state.plant, p).neutral for p in chosen.candidate.paths}
+    values |= {p: value_at(other.state.plant, p) for p in other.state.paths}
+    return bench.fit(replace_at(state.plant, values), [*paths, *other.candidate.free], other.state)
 
 
 def _own_paths(made: Round, state: State) -> list[str]:

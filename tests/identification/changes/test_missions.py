@@ -7,19 +7,23 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from auv_gym.param import replace_at
+from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from identification.changes import missions
 from identification.changes.joined import joined_sides
-from identification.changes.missions import Changed, Common, compare_missions, one_or_two
+from identification.changes.missions import Changed, Common, coefficients_first, compare_missions, one_or_two
 from identification.changes.page import write_comparison
 from identification.changes.wording import summary, tied_words
 from identification.diagnosis.log.checking import Asked, check_log
+from identification.diagnosis.search.attribution import Round
+from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.known import Known, fit_known
-from identification.diagnosis.search.workbench import Workbench
+from identification.diagnosis.search.trials import Trial
+from identification.diagnosis.search.workbench import State, Workbench
 from identification.experiments.float_dives import depth_control
+from identification.experiments.glider_dives import yo_mission
 from identification.experiments.heading_control import closed_loop
-from identification.fit.changing import ChangingPlant, Course, change
+from identification.fit.changing import ChangingPlant, Course, change, changed
 
 OFFSET = "effects.rudder.offset"
 
@@ -144,6 +148,85 @@ def test_a_change_whose_interval_contains_zero_is_none(monkeypatch):
     assert isinstance(one_or_two(bench, state, OFFSET, [], 50), Changed)
     monkeypatch.setattr(bench, "half_width_of", lambda state, shares: 0.1)
     assert isinstance(one_or_two(bench, state, OFFSET, [], 50), Common)
+
+
+DRAG, CLOCK = "hull.drag_0", "effects.clock.rate"
+
+
+def dives(seed, drag=1.0):
+    """Two dives of a Slocum in steady flight, with so many times its drag."""
+
+    def truth(plant):
+        return replace_at(plant, DRAG, drag * value_at(plant, DRAG))
+
+    plant, rng = load_vehicle("slocum_flight"), np.random.default_rng(seed)
+    return yo_mission(plant, (250.0, 250.0), rng=rng, dt=10.0, truth=truth)
+
+
+@pytest.fixture(scope="module")
+def fouled():
+    """The bench of dives before and after drag has grown by 40 %."""
+    plant = load_vehicle("slocum_flight")
+    log, edge = joined_sides({"before": dives(1), "after": dives(2, 1.4)}, plant, Asked(trust=True))
+    courses = {"before": Course((edge,), (1.0, 0.0)), "after": Course((edge,), (0.0, 1.0))}
+    changing = ChangingPlant.of(plant, {"before": [CLOCK], "after": [DRAG, CLOCK]}, courses)
+    return Workbench(changing, log.record, log.parts, 0.1, log.every_window)
+
+
+def in_round(bench, chosen, *others):
+    """The nominal state, and a round in which one path was chosen of several that passed the gate."""
+    nominal, trials = bench.fit(bench.plant, bench.plant.coefficients), []
+    for path in (chosen, *others):
+        screening = SimpleNamespace(tried=1)
+        candidate = Candidate(path, (path,))
+        state = bench.fit(bench.plant, (*nominal.paths, path), nominal)
+        trials.append(Trial(candidate, state, bench.gain(nominal, state), 0.0, screening, ""))
+    return nominal, Round(tuple(trials), trials[0], tuple(trials[1:]), {})
+
+
+@pytest.mark.parametrize("tie, leads", [(np.inf, DRAG), (-np.inf, CLOCK)])
+def test_a_changed_coefficient_leads_what_is_tied_with_it(fouled, monkeypatch, tie, leads):
+    """A clock that was wrong before, or is now, acts as drag does in steady flight, whose true value nobody knows."""
+    clock, drag = change("before", CLOCK), change("after", DRAG)
+    nominal, made = in_round(fouled, clock, drag)
+    monkeypatch.setattr(missions, "TIE", tie)
+    state, (found,) = coefficients_first(fouled, nominal, made.chosen.state, [made], 50)
+    assert changed(found.chosen.candidate.paths[0])[1] == leads
+    assert [t.candidate.paths for t in found.tied] == [(clock,) if leads == DRAG else (drag,)]
+    assert set(state.paths) == {*nominal.paths, *found.chosen.candidate.paths}
+    if leads == DRAG:
+        assert value_at(state.plant, drag) == pytest.approx(0.4 * 0.15, rel=0.1)
+        assert value_at(state.plant, clock) == 0.0
+
+
+def test_an_objection_keeps_a_coefficient_from_leading(fouled, monkeypatch):
+    nominal, made = in_round(fouled, change("before", CLOCK), change("after", DRAG))
+    monkeypatch.setattr(missions, "TIE", np.inf)
+    refused = replace(made, trials=(made.trials[0], replace(made.trials[1], objection="not significant")))
+    assert coefficients_first(fouled, nominal, made.chosen.state, [refused], 50)[1] == [refused]
+
+
+def test_what_is_known_of_a_coefficient_is_not_held_against_its_change(fouled):
+    """A hull that was cleaned is as given after, and one that is fouled as given before: neither costs more."""
+    clean, more, path = value_at(fouled.plant, DRAG), 0.06, change("after", DRAG)
+    deviation = fouled.plant.deviation(DRAG, 0.1)
+    point = fouled.fit(fouled.plant, ()).point
+
+    def behind(before, moved):
+        plant = replace_at(fouled.plant, {DRAG: before, path: moved})
+        return missions._behind(fouled, State(plant, (), point), State(plant, (), point), path)
+
+    assert behind(clean, more) == pytest.approx(0.0)
+    assert behind(clean + more, -more) == pytest.approx(-((more / deviation) ** 2))  # which the fit has charged
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("drag", [(1.0, 1.4), (1.4, 1.0)])
+def test_growth_on_a_hull_and_its_cleaning_are_changes_of_drag(drag):
+    found = compare_missions(dives(1, drag[0]), dives(2, drag[1]), load_vehicle("slocum_flight"), trust=True)
+    (only,) = found.changed
+    assert (only.path, only.surely, found.common) == (DRAG, True, ())
+    assert only.change.ci95[0] < 0.15 * (drag[1] - drag[0]) < only.change.ci95[1]
 
 
 def test_what_else_would_explain_a_change_is_told_by_its_title():
