@@ -60,8 +60,8 @@ def test_coefficients_that_were_wrong_are_a_finding_of_their_own():
     truth = coefficients_of(3, wrong=0.1)
     for c in found.coefficients:
         error = 0.5 * (c.ci95[1] - c.ci95[0]) / 1.96
-        assert abs(c.value - truth[c.path]) < 3.0 * error
-    assert "coefficients were wrong" in found.summary()
+        assert abs(c.value - truth.get(c.path, c.given)) < 3.0 * error  # no other coefficient was changed
+    assert "With corrected coefficients the model explains this log" in found.summary()
     assert set(as_json(found)["coefficients_wrong"]) == wrong
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
+from identification.deciding import TIE
 from identification.diagnosis.log.checking import noise_limited_length
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search import workbench
@@ -246,4 +247,4 @@ def test_what_was_fitted_is_taken_over_into_shorter_steps(torpedoes, monkeypatch
     assert finer.in_suited_steps(state) is finer
     taken = finer.taken_over(state)
     assert taken.plant == finer.plant
-    assert finer.gain(taken, finer.fit(finer.plant, ())) == pytest.approx(0.0, abs=0.1)
+    assert abs(finer.gain(taken, finer.fit(finer.plant, ()))) < 0.05 * TIE  # nothing is decided by so little
