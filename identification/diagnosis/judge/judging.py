@@ -42,7 +42,7 @@ def judge(log: CheckedLog, searched: Searched, source: str, progress: Progress) 
         progress(0.84, "scoring free runs")
         scored = scoring.scored(found.state, found.weighed.rounds)
         worse = bool(found.left) and scoring.explained(scored.refitted, scored.after) < 0.0
-        return found, scored, bool(found.weighed.rounds) and worse
+        return found, scored, bool(found.weighed.rounds) and (worse or found.weighed.needless)
 
     found, scored, worse = weighed(False)
     if worse and VARIES in found.dropped.values():  # they may need what differs between parts

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from identification.diagnosis.judge.effects import Effect
 from identification.diagnosis.judge.explained import unsteady_of
 from identification.diagnosis.judge.holding import Held
-from identification.diagnosis.judge.result import VARIES, WORSE
+from identification.diagnosis.judge.result import NEEDLESS, VARIES, WORSE
 from identification.diagnosis.judge.sizes import Sizes, effects_of
 from identification.diagnosis.judge.weighing import Weighed, rounds_told
 from identification.diagnosis.search.attribution import Round
@@ -70,9 +70,10 @@ def reported(searched: Searched, held: Held, weighed: Weighed) -> Reported:
 
 
 def withdrawn(searched: Searched, one: Reported) -> Reported:
-    """The same without its effects: free runs over unseen parts of the record are worse with them."""
+    """The same without its effects: free runs over unseen parts of the record are worse with them, or no better."""
     bench, nominal = searched.known.bench, searched.nominal
-    worse = {r.chosen.candidate.paths[0]: WORSE for r in one.weighed.rounds if r.chosen is not None}
+    why = NEEDLESS if one.weighed.needless else WORSE
+    worse = {r.chosen.candidate.paths[0]: why for r in one.weighed.rounds if r.chosen is not None}
     weighed = Weighed(nominal, (), (), Explanations(()))
     return replace(
         one,

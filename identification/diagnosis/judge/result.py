@@ -33,6 +33,7 @@ Verdict = Literal["none", "coefficients", "named", "tied", "unexplained", "doubt
 RARE = "most halves of the log do not choose {it}"
 VARIES = "parts of the log contradict each other in the size of {it}"
 WORSE = "free runs over unseen parts of the log are worse with {it} than without"
+NEEDLESS = "the log is explained as well without {it}"
 LEANS = "the log gives no certain size for {it} without the effects that are not named"
 
 
@@ -62,8 +63,8 @@ class Result:
     what `after` is compared with: `refitted`, or `given` where nothing but coefficients was found.
     alike: effects of the vehicle after that are not named, since they do not explain the record.
     tied: groups of paths that the record cannot tell apart.  dropped: paths of effects that the search found and that
-    are not named, each with the reason (`RARE`, `VARIES`, `WORSE`, `LEANS`).  explained: share of the squared error
-    above the measurement noise that the effects remove.  windows: slices of the record, for each of its parts.
+    are not named, each with the reason (`RARE`, `VARIES`, `WORSE`, `NEEDLESS`, `LEANS`).  explained: share of the
+    squared error above the measurement noise that the effects remove.  windows: slices of the record, by part.
     doubts: what is wrong with the log itself.  discovery, habitat: of what no effect explains, where something is left.
     averaged: s, over which readings were averaged, 0 where each was read by itself.
     noise: of a sensor's reading and of the motion, as the filter found it.  left: what its one-step errors hold

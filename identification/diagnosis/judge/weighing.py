@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from auv_gym.plant import Plant
 from identification.deciding import FEW_STATES
 from identification.diagnosis.judge.common import Common, common_prediction
@@ -12,6 +14,7 @@ from identification.diagnosis.judge.effects import Effect
 from identification.diagnosis.judge.holding import Held
 from identification.diagnosis.search.attribution import Round, confirmed, selected
 from identification.diagnosis.search.explanations import (
+    STOPPED,
     Explanation,
     Explanations,
     explanation,
@@ -32,12 +35,15 @@ class Weighed:
     """The effects that are reported.
 
     rounds: where each was tried.  survivals: what halves of the record say of each.  found: all explanations.
+    needless: whether the record is explained as well without any: by a fit to which a rival has led that came to
+    nothing.
     """
 
     state: State
     rounds: tuple[Round, ...]
     survivals: tuple[Survival, ...]
     found: Explanations
+    needless: bool = False
 
     @property
     def tied(self) -> tuple[Round, ...]:
@@ -69,16 +75,22 @@ def weigh(searched: Searched, held: Held, most: int) -> Weighed:
         # likelier than what was chosen, though one of its effects may be idle: what it is without that is likelier, too
         fitted = bench.fit(other.state.plant, other.state.paths, other.state)
         after, kept = confirmed(bench, nominal, fitted, other.rounds, count)
+        if not kept:
+            bare.append(explanation(bench, after, ()).cost)
         if not kept or not all(told(made).holds for made in kept):
             return None
         made = explanation(bench, after, kept)
         return None if _overruled(searched, rounds, made) else made
 
+    bare: list[float] = []  # costs of the vehicle without effects, where likelier sets come down to it
     found = explanations(bench, state, rounds, survivals, most, search)
     reported, found = likeliest(found, rounds, passes)
     if reported.state is not state:
         rounds, survivals = reported.rounds, tuple(told(made) for made in reported.rounds)
-    return Weighed(reported.state, tuple(rounds), survivals, found)
+    alone = rounds[0].chosen if len(rounds) == 1 else None
+    idle = alone is not None and found.needless(alone.candidate) > 0.5
+    needless = idle or min(bare, default=np.inf) < reported.cost - STOPPED
+    return Weighed(reported.state, tuple(rounds), survivals, found, needless)
 
 
 def rounds_told(searched: Searched, held: Sequence[Round], weighed: Weighed) -> tuple[Round, ...]:

@@ -33,6 +33,7 @@ from identification.diagnosis.search.trials import Trial
 from identification.diagnosis.search.workbench import TRIAL_GAIN, State, Workbench
 from identification.fit.changing import ChangingPlant, changed
 
+_IDLE = 1e-6  # probes by which an idle effect is off neutral at the most
 STOPPED = 2.0 * TRIAL_GAIN  # of the cost, that trials differ by since their fits stop early
 
 Search = Callable[[State, Sequence[Trial]], Round | None]
@@ -56,6 +57,17 @@ class Explanation:
         return tuple(r.chosen for r in self.rounds if r.chosen is not None)
 
     @property
+    def idle(self) -> list[Trial]:
+        """Those of which nothing is left beside the others: the set is one without them."""
+        plant = self.state.plant
+
+        def gone(path: str) -> bool:
+            spec = spec_at(plant, path)
+            return abs(value_at(plant, path) - spec.neutral) <= _IDLE * (spec.probe or 1.0)
+
+        return [t for t in self.trials if all(gone(path) for path in t.candidate.free)]
+
+    @property
     def candidates(self) -> frozenset[Candidate]:
         """The effects."""
         return frozenset(t.candidate for t in self.trials)
@@ -77,6 +89,11 @@ class Explanations:
     def probability(self, path: str) -> float:
         """The probability of the sets that have an effect at a path."""
         return float(sum(w for s, w in zip(self.sets, self.weights, strict=True) if path in s.state.paths))
+
+    def needless(self, candidate: Candidate) -> float:
+        """The probability of the sets in which another effect is idle in the place of this one: they need neither."""
+        pairs = zip(self.sets, self.weights, strict=True)
+        return float(sum(w for s, w in pairs if s.idle and candidate not in s.candidates))
 
     def best_with(self, path: str) -> Explanation | None:
         """The likeliest set that has an effect at a path."""
@@ -192,6 +209,7 @@ def tied_rounds(found: Explanations, rounds: Sequence[Round], survivals: Sequenc
     for number, (made, survived) in enumerate(zip(rounds, survivals, strict=True), 1):
         others = [t for t in rivals_of_round(made, survived, number < len(rounds)) if t.candidate not in used]
         members = [t for t in others if found.probability(t.candidate.paths[0]) >= LEAST_PROBABLE]
+        members = [t for t in members if (best := found.best_with(t.candidate.paths[0])) and t not in best.idle]
         told.append(replace(made, tied=tuple(members)))
     return tuple(told)
 

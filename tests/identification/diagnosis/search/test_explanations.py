@@ -27,13 +27,14 @@ from identification.diagnosis.search.explanations import (
 from identification.diagnosis.search.survival import Survival
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.missions import run_mission
-from tests.identification.diagnosis.stand_ins import PLANT, state_of, trial_of
+from tests.identification.diagnosis.stand_ins import state_of, trial_of, with_probes
 from tests.identification.gliders import QUICK
 
 A, B, C, D, E = (
     f"effects.{name}"
     for name in ("rudder.offset", "rudder.deadband", "yaw.moment", "yaw.roll_moment", "rudder.backlash")
 )
+PLANT = with_probes(dict.fromkeys((A, B, C, D, E), 3.0)).plant  # none of them is idle
 SURVIVED = Survival(1.0, {})
 
 
@@ -319,3 +320,18 @@ def test_a_fit_begins_at_the_likeliest_start_and_is_not_finished_where_it_is_hop
     assert np.array_equal(settled.point.logs, state.point.logs)
     assert not np.array_equal(fitted.point.logs, state.point.logs)
     assert bench.gain(settled, fitted) > 0.0
+
+
+def test_a_rival_of_which_nothing_is_left_is_no_member_and_makes_the_effect_needless():
+    made = round_of(A, C)
+    idle = trial_of(Candidate(C, (C,)), state_of(replace_at(PLANT, C, spec_at(PLANT, C).neutral), C))
+    without = replace(made, tied=(idle,), trials=(*made.trials[:1], idle))
+    likely = {(A,): 100.0, (C,): 104.0}
+    found = weighed(likely, without)
+    effect = made.chosen.candidate
+    assert found.needless(effect) == pytest.approx(found.probability(C))
+    assert found.probability(C) > 0.8
+    assert tied_rounds(found, [without], [SURVIVED])[0].tied == ()
+    moved = weighed(likely, made)
+    assert moved.needless(effect) == 0.0
+    assert [t.candidate.paths for t in tied_rounds(moved, [made], [SURVIVED])[0].tied] == [(C,)]
