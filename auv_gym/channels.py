@@ -86,7 +86,7 @@ _LISTED: Final = (
     Channel("buoyancy_volume_m3", "m3", "volume of the buoyancy engine"),
     Channel("battery_position_m", "m", "position of the battery along the hull"),
     Channel("battery_roll_rad", "rad", "angle of the turned battery"),
-    Channel("elapsed_s", "s", "time since the segment began"),
+    Channel("elapsed_s", "s", "time since the log began"),
     Channel("heading_cmd_rad", "rad", "commanded heading", "command", angle=True),
     Channel("pitch_cmd_rad", "rad", "commanded pitch", "command", angle=True),
     Channel("depth_cmd_m", "m", "commanded depth", "command"),
