@@ -18,6 +18,8 @@ _SHUFFLED = 0.1  # share of rows that are earlier than the one before, from whic
 _BESIDE = 0.6  # share of a channel's readings in rows of the leading one; a sensor that is twice as fast has a half
 _SLOWEST = 10.0  # intervals of the base; a motion that is sampled more slowly says nothing of what it did in between,
 _SOON = 2.0  # s, unless it is sampled at least so often: underwater, nothing goes far in that time
+# inputs of models that do little between readings, however rare: of the engine, and of the water
+_SLOW = frozenset(["buoyancy_volume_m3", "temperature_C", "salinity_psu", "conductivity_Spm", "density_kgpm3"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -374,7 +376,9 @@ def _in_part(
         result = np.interp(at, time, np.unwrap(values) if of.angle else values)
     near = stream.near
     if near is None:
-        near = min(gap_limit(np.diff(time)), max(_SLOWEST * spacing, _SOON)) if time.size > 1 else 0.0
+        near = gap_limit(np.diff(time)) if time.size > 1 else 0.0
+        if of is None or of.name not in _SLOW:
+            near = min(near, max(_SLOWEST * spacing, _SOON))
     unknown = (at < time[0] - slack) | (at > time[-1] + slack) | (time[after] - time[np.maximum(before, 0)] > near)
     result[unknown] = np.nan
     return result

@@ -123,6 +123,8 @@ def test_a_motion_sampled_too_slowly_is_not_made_up():
     base = stream(np.arange(0, 100, 0.1), "a", heading_rad=np.zeros(1000))
     slow = stream(np.arange(0, 100, 5.0), "b", depth_m=np.arange(20))  # regular, but 50 intervals of the base apart
     assert np.isfinite(merged([base, slow], "heading_rad").values["depth_m"]).sum() == 20  # its own samples alone
+    water = Stream(slow.time, {"temperature_C": np.arange(20.0)}, "b")  # it does little in between
+    assert np.isfinite(merged([base, water], "heading_rad").values["temperature_C"]).sum() > 900
     near = Stream(slow.time, slow.values, "b", near=60.0)  # a reader may know better
     assert np.isfinite(merged([base, near], "heading_rad").values["depth_m"]).sum() > 900
 
