@@ -263,7 +263,7 @@ def test_the_files_say_the_same_and_give_back_the_corrected_vehicle(tmp_path):
     assert error["after"]["heading_rad"]["rmse"] < error["before"]["heading_rad"]["rmse"]
     assert content["process_noise"]["measurement"]["heading_rad"] == pytest.approx(0.5 * DEGREE, rel=0.2)
     assert content["process_noise"]["process"] == {}
-    nothing = {name: [] for name in ("coloured", "bursts", "gusts", "misread")}
+    nothing = {name: [] for name in ("coloured", "bursts", "gusts", "misread", "slow")}
     assert content["left"] == nothing | {"depends": None, "changes": "", "passing": ""}
     assert content["process_noise"]["lasting"] == []
     assert content["seed"] == 7

@@ -203,12 +203,11 @@ def test_a_float_samples_as_it_likes():
     assert all_of_them[np.isin(many, some)] == pytest.approx(few, abs=1e-9)
 
 
-def test_time_in_a_dive_is_that_since_its_segment_began():
+def test_time_in_a_dive_is_that_since_its_log_began():
     plant = replace_at(diver(), "effects.volume.leak", 1e-7)
     t = np.arange(0.0, 100.0, 5.0)
     one = Record.from_arrays(t, {"piston_m": np.zeros(t.size)})
-    later = Record.from_arrays(t + 5000.0, {"piston_m": np.zeros(t.size)})
-    both = concat([one, later])
+    both = concat([one, one])
     start = np.array([[50.0, 0.0, 0.0]])
     first, second = np.split(plant.run(both, both.segments, np.repeat(start, 2, axis=0)), 2)
     assert np.array_equal(first, second)

@@ -217,7 +217,7 @@ def test_an_acceleration_that_is_far_too_strong_is_not_given_up_before_weaker_on
     point = problem.point(plant.vector, strong)
     assert point.system is not None
     none = problem._without(strong, [0])
-    assert problem._likelihood(point.system, none) > problem._likelihood(point.system, strong)
+    assert problem.likelihood_of_noises(point.system, none) > problem.likelihood_of_noises(point.system, strong)
     assert problem._there(problem.better_noise(point, NOISE_STEPS)[0]).all()
 
 
