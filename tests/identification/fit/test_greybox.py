@@ -57,7 +57,7 @@ def test_exact_data_give_the_exact_parameters():
     "colour",
     [
         0.0,
-        pytest.param(0.7, marks=pytest.mark.xfail(strict=True, reason="a compass lag pays for errors that last 3 s")),
+        pytest.param(0.7, marks=pytest.mark.xfail(strict=True, reason="a compass lag pays for errors that last")),
     ],
 )
 def test_intervals_hold_the_truth_as_often_as_they_say(colour):
