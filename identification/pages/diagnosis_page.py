@@ -39,7 +39,7 @@ MEANINGS = {
     "none": "The refitted model agrees with this log.",
     "doubted": "The log itself looks wrong. The model cannot be judged until that is cleared up.",
     "coefficients": "The refitted model agrees with this log, but some coefficients differ from their given values.",
-    "named": "Adding these effects explains most of the disagreement, also on held-out data.",
+    "named": "The model is missing these effects, and unseen parts of the log confirm them.",
     "tied": "An effect is missing, but several causes would explain this log equally well.",
     "unexplained": "Log and model disagree, and no candidate effect of constant size explains the difference.",
 }
