@@ -6,6 +6,9 @@ import pytest
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
 from identification.diagnosis.log.parts import parts_of
+from identification.diagnosis.search import dependence
+from identification.diagnosis.search.dependence import clock_varies
+from identification.diagnosis.search.further_noises import with_further_noises
 from identification.diagnosis.search.gusts import slow
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.experiments.glider_dives import yo_mission
@@ -73,3 +76,11 @@ def test_random_drifts_are_no_waves_and_not_slow(still, seed):
 def test_drifts_that_last_longer_than_noise_may_are_no_noise(still, seed):
     bench, state = fitted(carried(still, drifts(still, 3000.0, 0.01, np.random.default_rng(seed))))
     assert slow(bench.problem, state.point) == ("depth_m",)
+
+
+def test_a_clock_is_not_blamed_for_internal_waves(still, monkeypatch):
+    bench, state = fitted(carried(still, waves(still, np.random.default_rng(0))))
+    monkeypatch.setattr(dependence, "_chance", lambda regression, signatures: 0.0)
+    assert clock_varies(bench, state)
+    noisier, (beside,) = with_further_noises(bench, [state])
+    assert not clock_varies(noisier, beside)
