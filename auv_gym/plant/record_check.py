@@ -338,8 +338,8 @@ def check_excitation(plant: Plant, record: Record) -> None:
 def described(plant: Plant, record: Record) -> Record:
     """The samples of a record that the vehicle's family describes; notes say what is left out, and what is assumed.
 
-    `elapsed_s` counts what is left out, since what grows with time goes on over it: from the beginning of the log or
-    dive, but in a glider's record over all dives.  Raises ValueError where nothing is left.
+    `elapsed_s` counts what is left out, since what grows with time goes on over it: from the beginning of the log, or
+    over all dives of a vehicle whose dives may differ (`Family.by_dive`).  Raises ValueError where nothing is left.
     """
     lines = [
         f"The log has no {channel(name).label} ({name}): {plant.constants[name]:g}{_unit(name)} is assumed throughout."
@@ -354,8 +354,7 @@ def described(plant: Plant, record: Record) -> Record:
         if left_out.all():
             raise ValueError(f"{lines[-1]} Check signs and units of depth, pitch and the inputs, or give a longer log.")
     if found and not record.has("elapsed_s"):
-        glides = bool(found.keys() - _wild(plant, record).keys())  # each of its dives has parts to leave out
-        elapsed = record.time - record.time[0] if glides else elapsed_over_gaps(record)
+        elapsed = record.time - record.time[0] if plant.family.by_dive else elapsed_over_gaps(record)
         record = record.with_channels({"elapsed_s": elapsed})
     kept = record.select(~left_out) if left_out.any() else record
     new = [line for line in lines if line not in kept.notes]
