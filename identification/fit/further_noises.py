@@ -104,9 +104,12 @@ def _internal_waves(problem: PredictionErrors, point: Point, paths: Sequence[str
     if problem.periods.any() or not problem.is_pushed(point):
         return []
     kinds: list[Added] = [(_waved(problem), (), period) for period in problem.periods_of_internal_waves]
-    near = side_by_side(lambda kind: begun_beside(problem.with_noises(*kind), point, paths), kinds)
-    likely = [problem.with_noises(*kind).objective(there, paths) for kind, there in zip(kinds, near, strict=True)]
-    return [kinds[int(np.argmax(likely))]] if kinds else []
+
+    def likely(kind: Added) -> float:
+        other = problem.with_noises(*kind)
+        return other.objective(begun_beside(other, point, paths), paths)
+
+    return [kinds[int(np.argmax(side_by_side(likely, kinds)))]] if kinds else []
 
 
 def _pruned(
