@@ -62,8 +62,7 @@ class Explanation:
         plant = self.state.plant
 
         def gone(path: str) -> bool:
-            spec = spec_at(plant, path)
-            return abs(value_at(plant, path) - spec.neutral) <= _IDLE * (spec.probe or 1.0)
+            return effect_size(plant, path).moved <= _IDLE * (spec_at(plant, path).probe or 1.0)
 
         return [t for t in self.trials if all(gone(path) for path in t.candidate.free)]
 
