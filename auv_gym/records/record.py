@@ -11,9 +11,21 @@ from typing import TYPE_CHECKING, Any, Literal, final
 
 import numpy as np
 
-from auv_gym.channels import CHANNELS, channel
+from auv_gym.channels import channel
 from auv_gym.param import did_you_mean
 from auv_gym.records.attitude import ANGLES, QUATERNION, interpolated, interpolated_angles, turns_far
+from auv_gym.records.dataset import (
+    INTERVAL,
+    LABELS,
+    NOTES,
+    UNREAD,
+    checked,
+    dataset_of,
+    is_channel,
+    selected,
+    vector,
+    without_marks,
+)
 from auv_gym.records.log import FIXES
 from auv_gym.records.mending import MAX_FILL, check_runs, missing_samples, on_dropped, repaired
 from auv_gym.records.time_axis import SAME, at_times, check_time, gap_limit, nearest, numbered, slices
@@ -24,8 +36,6 @@ if TYPE_CHECKING:
 
 MOST_SAMPLES = 10_000_000  # that resample makes: 80 MB a channel
 RARER = 1.5  # sample intervals between readings, from which on some samples hold none
-_LABELS, _NOTES, _INTERVAL = "segment_labels", "notes", "interval_s"
-_UNREAD = ".unread"  # after a channel's name: a variable that is 1 where its value stands between readings
 
 
 @final
@@ -52,7 +62,7 @@ class Record:
     dataset: xr.Dataset
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "dataset", _checked(self.dataset))
+        object.__setattr__(self, "dataset", checked(self.dataset))
 
     @classmethod
     def from_arrays(
@@ -80,8 +90,8 @@ class Record:
         tenth of the samples.  notes: lines that the record keeps, to which those on what was dropped are added.
         Raises if nothing is left.
         """
-        time = _vector("time_s", time_s, None)
-        columns = {name: _vector(name, column, time.size) for name, column in values.items()}
+        time = vector("time_s", time_s, None)
+        columns = {name: vector(name, column, time.size) for name, column in values.items()}
         ids, labels = numbered(segment, time.size)
         check_time(time, ids)
         parts = slices(ids)
@@ -103,7 +113,7 @@ class Record:
             if unread is not None and name in unread:
                 between = between | unread[name]
             if between.any() and not known.held:
-                marks[name + _UNREAD] = ("time_s", between)
+                marks[name + UNREAD] = ("time_s", between)
         missing, costly = missing_samples(variables, time.size, required)
         for name in costly:
             del variables[name]
@@ -112,11 +122,11 @@ class Record:
                 check_runs(name, time, mended, max_fill)
         if required is not None:
             notes = [*notes, *costly.values(), *on_dropped(variables, missing)]
-        variables |= {name: mark for name, mark in marks.items() if name.removesuffix(_UNREAD) in variables}
+        variables |= {name: mark for name, mark in marks.items() if name.removesuffix(UNREAD) in variables}
         variables["segment"] = ("time_s", ids)
-        kept = {_NOTES: list(notes)} if notes else {}
-        dataset = _dataset(variables, time, {**(attrs or {}), **kept, _LABELS: labels})
-        return _selected(dataset, ~missing, None if missing.any() else "")
+        kept = {NOTES: list(notes)} if notes else {}
+        dataset = dataset_of(variables, time, {**(attrs or {}), **kept, LABELS: labels})
+        return cls(selected(dataset, ~missing, None if missing.any() else ""))
 
     @property
     def time(self) -> np.ndarray:
@@ -132,17 +142,17 @@ class Record:
     @property
     def names(self) -> tuple[str, ...]:
         """The channels that are there."""
-        return tuple(name for name in map(str, self.dataset.data_vars) if _is_channel(name))
+        return tuple(name for name in map(str, self.dataset.data_vars) if is_channel(name))
 
     @property
     def attrs(self) -> dict[str, Any]:
         """What is known of the whole record: source, start_epoch_s, dropped, ..."""
-        return {str(k): v for k, v in self.dataset.attrs.items() if k not in (_LABELS, _NOTES)}
+        return {str(k): v for k, v in self.dataset.attrs.items() if k not in (LABELS, NOTES)}
 
     @property
     def notes(self) -> list[str]:
         """What was left out of its file, mended, or cut, and why: a line each."""
-        return [str(line) for line in np.atleast_1d(self.dataset.attrs.get(_NOTES, []))]
+        return [str(line) for line in np.atleast_1d(self.dataset.attrs.get(NOTES, []))]
 
     @property
     def segments(self) -> list[slice]:
@@ -152,7 +162,7 @@ class Record:
     @property
     def labels(self) -> list[str]:
         """One label per segment: what the file called it, or '' where it did not."""
-        return [str(label) for label in self.dataset.attrs[_LABELS]]
+        return [str(label) for label in self.dataset.attrs[LABELS]]
 
     @property
     def duration_s(self) -> float:
@@ -167,8 +177,8 @@ class Record:
     def interval_of(self, name: str) -> float:
         """Time between the readings of a channel, s: that between samples, or longer where it is interpolated."""
         self[name]
-        told = float(self.dataset[name].attrs.get(_INTERVAL, 0.0))
-        if name + _UNREAD in self.dataset:
+        told = float(self.dataset[name].attrs.get(INTERVAL, 0.0))
+        if name + UNREAD in self.dataset:
             time, read = self.time, self.readings(name)
             apart = np.concatenate([np.diff(time[s][read[s]]) for s in self.segments])
             told = float(np.median(apart)) if apart.size else self.duration_s
@@ -179,8 +189,8 @@ class Record:
 
         Where it is known only how far readings are apart, one of the several samples between two; else all.
         """
-        if name + _UNREAD in self.dataset:
-            return (self.dataset[name + _UNREAD].values == 0) & np.isfinite(self.dataset[name].values)
+        if name + UNREAD in self.dataset:
+            return (self.dataset[name + UNREAD].values == 0) & np.isfinite(self.dataset[name].values)
         held, interval = np.ones(len(self), dtype=bool), self.interval_of(name)
         if interval < RARER * self.sample_interval:
             return held
@@ -197,7 +207,7 @@ class Record:
 
     def has(self, name: str) -> bool:
         """Whether a channel is there."""
-        return _is_channel(name) and name in self.dataset.data_vars
+        return is_channel(name) and name in self.dataset.data_vars
 
     def __getitem__(self, name: str) -> np.ndarray:
         """A copy of a channel's values, shape (n,), float64; raises on a channel that is not there."""
@@ -227,8 +237,8 @@ class Record:
 
     def with_channels(self, values: Mapping[str, Any]) -> Record:
         """The record with these channels added or replaced; angles are taken as they are, all values as readings."""
-        new = {name: ("time_s", _vector(name, column, len(self))) for name, column in values.items()}
-        return Record(_without_marks(self.dataset, values).assign(new))
+        new = {name: ("time_s", vector(name, column, len(self))) for name, column in values.items()}
+        return Record(without_marks(self.dataset, values).assign(new))
 
     def with_intervals(self, seconds: Mapping[str, float]) -> Record:
         """The record, these channels told to be interpolated between readings that are so far apart, s."""
@@ -238,7 +248,7 @@ class Record:
                 raise ValueError(f"with_intervals needs a positive interval of {name!r} in s, got {interval}.")
         dataset = self.dataset.copy(deep=False)
         for name, interval in seconds.items():
-            dataset.variables[name].attrs = {**dataset.variables[name].attrs, _INTERVAL: float(interval)}
+            dataset.variables[name].attrs = {**dataset.variables[name].attrs, INTERVAL: float(interval)}
         return Record(dataset)
 
     def with_readings(self, held: Mapping[str, Any]) -> Record:
@@ -251,27 +261,27 @@ class Record:
                     f"with_readings needs one boolean per sample of {name!r}, shape ({len(self)},), got {mask.dtype} "
                     f"of shape {mask.shape}."
                 )
-        return Record(self.dataset.assign({name + _UNREAD: ("time_s", ~mask) for name, mask in marks.items()}))
+        return Record(self.dataset.assign({name + UNREAD: ("time_s", ~mask) for name, mask in marks.items()}))
 
     def without(self, names: Iterable[str]) -> Record:
         """The record without these channels; raises on one that is not there."""
         names = [names] if isinstance(names, str) else list(names)
         for name in names:
             self[name]
-        return Record(_without_marks(self.dataset, names).drop_vars(names))
+        return Record(without_marks(self.dataset, names).drop_vars(names))
 
     def with_notes(self, notes: Sequence[str], **attrs: Any) -> Record:
         """The record with these notes in place of its own, and with these attributes."""
-        others = {name: value for name, value in self.dataset.attrs.items() if name != _NOTES}
+        others = {name: value for name, value in self.dataset.attrs.items() if name != NOTES}
         dataset = self.dataset.copy(deep=False)
-        dataset.attrs = {**others, **attrs, **({_NOTES: list(notes)} if notes else {})}
+        dataset.attrs = {**others, **attrs, **({NOTES: list(notes)} if notes else {})}
         return Record(dataset)
 
     def with_labels(self, labels: Sequence[str]) -> Record:
         """The record with these labels of its segments, one each."""
         if len(labels) != len(self.segments):
             raise ValueError(f"with_labels needs a label for each of {len(self.segments)} segments, got {len(labels)}.")
-        return Record(self.dataset.assign_attrs({_LABELS: [str(label) for label in labels]}))
+        return Record(self.dataset.assign_attrs({LABELS: [str(label) for label in labels]}))
 
     def later(self, seconds: float) -> Record:
         """The record with all times later by so many s."""
@@ -285,7 +295,7 @@ class Record:
                 f"select needs one boolean per sample, shape ({len(self)},), got {mask.dtype} of shape {mask.shape}: "
                 "write record.select(record['depth_m'] > 10)."
             )
-        return _selected(self.dataset, mask, "")
+        return Record(selected(self.dataset, mask, ""))
 
     def between(self, start: float, stop: float) -> Record:
         """The samples with start <= time < stop, s."""
@@ -304,7 +314,9 @@ class Record:
         breaks = np.zeros(len(self), dtype=bool)
         for part in self.segments:
             breaks[part.start + 1 : part.stop] = np.diff(time[part]) > max_gap_s
-        return _selected(self.dataset, np.ones(len(self), dtype=bool), "", breaks) if breaks.any() else self
+        if not breaks.any():
+            return self
+        return Record(selected(self.dataset, np.ones(len(self), dtype=bool), "", breaks))
 
     def resample(self, dt: float) -> Record:
         """The record at even steps of dt, s, from the start of each segment; never across a gap between segments.
@@ -337,12 +349,12 @@ class Record:
             held = channel(name).held
             parts = [at_times(grid, time[o], self.dataset[name].values[o], held, dt) for grid, o in zip(grids, origins)]
             own = self.interval_of(name)
-            apart = {_INTERVAL: own} if dt < own and not held else {}
+            apart = {INTERVAL: own} if dt < own and not held else {}
             variables[name] = ("time_s", np.concatenate(parts), {**self.dataset[name].attrs, **apart})
-            if dt < RARER * own and name + _UNREAD in self.dataset:
+            if dt < RARER * own and name + UNREAD in self.dataset:
                 read = self.readings(name)
                 unread = [~nearest(grid, time[o][read[o]]) for grid, o in zip(grids, origins)]
-                variables[name + _UNREAD] = ("time_s", np.concatenate(unread))
+                variables[name + UNREAD] = ("time_s", np.concatenate(unread))
         if set(QUATERNION) <= set(variables):
             attitude = np.column_stack([self[name] for name in QUATERNION])
             turned = np.concatenate([interpolated(grid, time[o], attitude[o]) for grid, o in zip(grids, origins)])
@@ -354,8 +366,8 @@ class Record:
             for name, values in zip(ANGLES, np.concatenate(turned).T, strict=True):
                 variables[name] = ("time_s", values, variables[name][2])
         variables["segment"] = ("time_s", np.repeat(np.arange(len(grids)), [grid.size for grid in grids]))
-        attrs = {**self.dataset.attrs, _LABELS: [self.labels[k] for k in kept]}
-        return Record(_dataset(variables, np.concatenate(grids), attrs))
+        attrs = {**self.dataset.attrs, LABELS: [self.labels[k] for k in kept]}
+        return Record(dataset_of(variables, np.concatenate(grids), attrs))
 
     def windows(self, seconds: float) -> list[slice]:
         """Consecutive windows of this length within each segment, as slices; a shorter rest is dropped.
@@ -390,7 +402,7 @@ class Record:
             dataset = xr.load_dataset(path, engine="h5netcdf", decode_times=False)
         except Exception as error:  # what a damaged file raises depends on where it is damaged
             raise ValueError(f"{path} is not a NetCDF record, or is cut short ({error}): save it again.") from error
-        if _LABELS not in dataset.attrs or "time_s" not in dataset:
+        if LABELS not in dataset.attrs or "time_s" not in dataset:
             raise ValueError(f"{path} was not written by Record.save: read it with read_record.")
         return cls(dataset)
 
@@ -433,133 +445,27 @@ def concat(records: Sequence[Record]) -> Record:
         for name in records[0].names
     }
     for name in records[0].names:
-        if any(name + _UNREAD in record.dataset for record in records):
-            variables[name + _UNREAD] = ("time_s", np.concatenate([~record.readings(name) for record in records]))
+        if any(name + UNREAD in record.dataset for record in records):
+            variables[name + UNREAD] = ("time_s", np.concatenate([~record.readings(name) for record in records]))
     variables["segment"] = ("time_s", ids)
     first = records[0].attrs
     attrs: dict[str, Any] = {
         key: v for key, v in first.items() if all(str(r.attrs.get(key)) == str(v) for r in records)
     }
     notes = list(dict.fromkeys(line for record in records for line in record.notes))
-    attrs |= {_NOTES: notes} if notes else {}
+    attrs |= {NOTES: notes} if notes else {}
     fixes = [float(number) for record in records for number in np.ravel(record.attrs.get(FIXES, ()))]
     attrs |= {FIXES: fixes} if fixes else {}
-    attrs[_LABELS] = [label for record in records for label in record.labels]
-    return Record(_dataset(variables, np.concatenate([record.time for record in records]), attrs))
-
-
-def _is_channel(name: str) -> bool:
-    """Whether a variable of a dataset is a signal."""
-    return name != "segment" and not name.endswith(_UNREAD)
-
-
-def _without_marks(dataset: xr.Dataset, names: Iterable[str]) -> xr.Dataset:
-    """The dataset without what says where values of these channels were filled in."""
-    return dataset.drop_vars([name + _UNREAD for name in names], errors="ignore")
-
-
-def _dataset(variables: Mapping[str, Any], time: Any, attrs: Mapping[str, Any]) -> xr.Dataset:
-    import xarray as xr  # not above: with pandas it takes as long to import as all that an environment needs
-
-    return xr.Dataset(variables, {"time_s": time}, attrs)
+    attrs[LABELS] = [label for record in records for label in record.labels]
+    return Record(dataset_of(variables, np.concatenate([record.time for record in records]), attrs))
 
 
 def _common(name: str, records: Sequence[Record]) -> dict[str, Any]:
     """The attributes of a variable over several records: fill counts add up, the longest interval is that of all."""
     found = dict(records[0].dataset[name].attrs)
     apart = [
-        float(record.dataset[name].attrs[_INTERVAL]) for record in records if _INTERVAL in record.dataset[name].attrs
+        float(record.dataset[name].attrs[INTERVAL]) for record in records if INTERVAL in record.dataset[name].attrs
     ]
-    found |= {_INTERVAL: max(apart)} if apart else {}
+    found |= {INTERVAL: max(apart)} if apart else {}
     filled = sum(int(record.dataset[name].attrs.get("filled", 0)) for record in records)
     return {**found, "filled": filled} if filled else found
-
-
-def _vector(name: str, values: Any, size: int | None) -> np.ndarray:
-    try:
-        column = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"Channel {name!r} needs numbers, got {type(values).__name__}: {error}.") from error
-    if column.ndim != 1 or size not in (None, column.size):
-        wanted = f"({size},)" if size is not None else "(n,)"
-        raise ValueError(f"Channel {name!r} needs one value per sample, shape {wanted}, got shape {column.shape}.")
-    return column
-
-
-def _selected(dataset: xr.Dataset, mask: np.ndarray, note: str | None, breaks: np.ndarray | None = None) -> Record:
-    """The record of the samples in a mask, cut where it (or `breaks`) says, without segments of one sample.
-
-    note: None counts what is dropped in the attribute `dropped`.
-    """
-    ids, labels = dataset["segment"].values, dataset.attrs[_LABELS]
-    begins = np.ones(ids.size, dtype=bool)
-    begins[1:] = (np.diff(ids) != 0) | (np.diff(mask.astype(int)) != 0)
-    if breaks is not None:
-        begins |= breaks
-    parts = np.cumsum(begins) - 1
-    keep = mask & (np.bincount(parts)[parts] > 1) if ids.size else mask
-    if not keep.any():
-        raise ValueError(_nothing_left(dataset, mask))
-    chosen = dataset.isel(time_s=keep)
-    numbers, first = np.unique(parts[keep], return_index=True)
-    chosen["segment"] = ("time_s", np.searchsorted(numbers, parts[keep]))
-    chosen.attrs = {**dataset.attrs, _LABELS: [str(labels[k]) for k in ids[keep][first]]}
-    if note is None:
-        chosen.attrs["dropped"] = int(keep.size - keep.sum())
-    return Record(chosen)
-
-
-def _nothing_left(dataset: xr.Dataset, mask: np.ndarray) -> str:
-    size = dataset.sizes["time_s"]
-    if size < 2:
-        return f"A record needs at least 2 samples, got {size}: check that the file has rows below its header."
-    names = [name for name in map(str, dataset.data_vars) if _is_channel(name) and channel(name).needed]
-    counts = {name: int(np.isfinite(dataset[name].values).sum()) for name in names}
-    fewest = min(counts, key=lambda name: counts[name], default="")
-    if fewest and counts[fewest] < size and not mask.all():
-        return (
-            f"Nothing is left of {size} samples once those without a value are dropped; {fewest!r} has "
-            f"{counts[fewest]} values. Leave that channel out, or record it at every sample."
-        )
-    return (
-        f"Nothing is left: {int(mask.sum())} of {size} samples are selected, and no two in a row. A log needs at least "
-        "2 samples in a row, and many more for a fit or a diagnosis: give a longer log, or select more of it."
-    )
-
-
-def _checked(dataset: xr.Dataset) -> xr.Dataset:
-    """The dataset in the form that a Record promises, its variables with units and names; raises where it cannot be."""
-    if "time_s" not in dataset.coords or dataset["time_s"].dims != ("time_s",):
-        raise ValueError(f"A record needs a coordinate time_s along a dimension time_s, got {list(dataset.coords)}.")
-    time = _vector("time_s", dataset["time_s"].values, None)
-    if time.size < 2:
-        raise ValueError(f"A record needs at least 2 samples, got {time.size}.")
-    segment = dataset["segment"].values if "segment" in dataset.data_vars else None
-    ids, labels = numbered(segment, time.size)
-    given = dataset.attrs.get(_LABELS)
-    if given is not None and np.size(given) == len(labels):
-        labels = [str(label) for label in np.atleast_1d(given)]
-    check_time(time, ids)
-    lengths = np.bincount(ids)
-    if lengths.min() < 2:
-        raise ValueError(f"Segment {int(np.argmin(lengths))} has a single sample: a segment needs at least 2.")
-    variables: dict[str, Any] = {}
-    for name, variable in dataset.data_vars.items():
-        if not _is_channel(str(name)):
-            continue
-        known, values = channel(str(name)), _vector(str(name), variable.values, time.size)
-        bad = ~np.isfinite(values)
-        if known.needed and bad.any():
-            row = int(np.argmax(bad))
-            raise ValueError(
-                f"Channel {name!r} has no finite value at row {row + 1} ({time[row]:.10g} s): build the record with "
-                "Record.from_arrays, which fills short runs and cuts at long ones."
-            )
-        variables[str(name)] = ("time_s", values, {**variable.attrs, "units": known.unit, "long_name": known.label})
-        if f"{name}{_UNREAD}" in dataset:
-            marks = dataset[f"{name}{_UNREAD}"].values != 0
-            words = {"long_name": f"1 where {known.label} was filled in between readings"}
-            variables[f"{name}{_UNREAD}"] = ("time_s", marks.astype(np.int8), words)
-    variables["segment"] = ("time_s", ids, {"long_name": "segment"})
-    coordinate = ("time_s", time, {"units": "s", "long_name": CHANNELS["time_s"].label})
-    return _dataset(variables, coordinate, {**dataset.attrs, _LABELS: labels})
