@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from auv_gym.vehicles import FAMILIES, compose
-from auv_gym.vehicles.body.compose import Part
+from auv_gym.vehicles.body.body import Part
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("auv_gym", "controllers", "identification", "scripts")

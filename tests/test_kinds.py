@@ -9,7 +9,7 @@ from auv_gym import load_vehicle, replace_at
 from auv_gym.envs.kinds import KINDS as ENVIRONMENTS
 from auv_gym.models.linear.kinds import KINDS as STEADY
 from auv_gym.vehicles import FAMILIES, compose
-from auv_gym.vehicles.body.compose import Part
+from auv_gym.vehicles.body.body import Part
 from auv_gym.vehicles.family import registered
 from controllers.autopilots import autopilot
 from controllers.kinds import KINDS as CONTROL

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from auv_gym.vehicles import glide_steered, glider, profiling_float  # noqa: F401  # each registers its families
-from auv_gym.vehicles.body.compose import Body, Part, compose
+from auv_gym.vehicles.body.body import Body, Part
+from auv_gym.vehicles.body.compose import compose
 from auv_gym.vehicles.family import FAMILIES, Family
 
 FAMILY_NAMES = ("body", *FAMILIES)

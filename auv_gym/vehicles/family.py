@@ -151,7 +151,7 @@ class Family:
     # masses move in the vehicle: the derivative sees the actuators' rates behind their positions, as `kick` puts them
     moves: bool = False
     program: str = ""  # families of one program share their compiled code; by default those of one kind
-    body: Any = None  # of a hull and its parts, what is known of these: `vehicles.body.compose.Body`
+    body: Any = None  # of a hull and its parts, what is known of these: `vehicles.body.body.Body`
     rebuild: tuple[Callable[..., Any], tuple[Any, ...]] | None = None  # of families that have no name of their own
 
     @property

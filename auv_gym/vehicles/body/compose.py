@@ -19,10 +19,21 @@ import numpy as np
 from auv_gym.channels import declare_input
 from auv_gym.compiled import bind, view_as
 from auv_gym.effects import BodyEffects
-from auv_gym.param import list_paths, pack, part, record_type, value_at
+from auv_gym.param import list_paths, pack, part, record_type
 from auv_gym.vehicles.body import blocks, derived as derived_numbers, dynamics, sums
+from auv_gym.vehicles.body.body import Body, Part
+from auv_gym.vehicles.body.coefficients import (
+    DRAG_COEFFICIENTS,
+    HULL_COEFFICIENTS,
+    coefficients_of,
+    doubted_in,
+    mass_problem,
+    part_problem,
+    places_outside,
+    unstated_drag,
+)
 from auv_gym.vehicles.body.hull import Hull
-from auv_gym.vehicles.body.kinds import Command, PartKind, part_kind
+from auv_gym.vehicles.body.kinds import PartKind
 from auv_gym.vehicles.body.sensors import SENSORS, output, sense, settle_sensors
 from auv_gym.vehicles.family import Family, RightHandSide, no_kick
 
@@ -37,124 +48,6 @@ OUTPUTS = (
 )
 _SPEEDS = STATES[:3]
 _HOVERING = (*_SPEEDS, "p_radps", "q_radps", "roll_rad", "pitch_rad")  # what commands move from rest
-_AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
-_HULL_COEFFICIENTS = (
-    *("hull.surge.u_u", "hull.sway.uv", "hull.sway.ur", "hull.heave.uw", "hull.heave.uq"),
-    *("hull.pitch.uw", "hull.pitch.uq", "hull.yaw.uv", "hull.yaw.ur"),
-)
-
-# likewise of a hull that thrusters move in all directions: its drag
-_DRAG_COEFFICIENTS = tuple(
-    f"hull.{axis}.{term}"
-    for axis, velocity in zip(_AXES, "uvwpqr", strict=True)
-    for term in (velocity, f"{velocity}_{velocity}")
-)
-
-# the time in which drag stops a vehicle that hovers, s, and the speed from which its square does, m/s or rad/s
-_STOPS_IN_S, _STOPS_FROM = 1.0, 0.3
-
-# of the hull, where coefficients are that a first fit does not free, but that are known no better
-_DOUBTED = ("i_xx", "i_yy", "i_zz", "added_mass.", *(f"{axis}." for axis in _AXES), "cross_flow.drag")
-
-
-@dataclass(frozen=True)
-class Part:
-    """A part as a vehicle file names it: its kind, the form of the kind, and the channels of its commands."""
-
-    name: str
-    kind: str
-    choice: str = ""
-    channels: tuple[str, ...] = ()
-
-    @property
-    def found(self) -> PartKind:
-        return part_kind(self.kind, self.choice)
-
-    @property
-    def title(self) -> str:
-        """`stern plane`; a name with abbreviations or numbers, such as `th_ap`, as the file has it."""
-        words = self.name.split("_")
-        return " ".join(words) if all(len(word) > 2 for word in words) else self.name
-
-    def channel(self, index: int) -> str:
-        """The channel of one of its commands."""
-        if index < len(self.channels) and self.channels[index]:
-            return self.channels[index]
-        command = self.found.commands[index]
-        return command.channel or f"{self.name}_{command.suffix}"
-
-
-@dataclass(frozen=True)
-class Body:
-    """What a family in six degrees of freedom knows of its parts, in the order of its parameters."""
-
-    parts: tuple[Part, ...]
-
-    @property
-    def commands(self) -> tuple[tuple[Part, int, Command], ...]:
-        """All commands in the order of the inputs: the part, which of its commands, and what it is."""
-        return tuple((part, i, c) for part in self.parts for i, c in enumerate(part.found.commands))
-
-    def by_role(self) -> dict[str, tuple[str, ...]]:
-        """The channels that serve each role, in the order of the inputs."""
-        roles: dict[str, tuple[str, ...]] = {}
-        for part_, i, command in self.commands:
-            if command.role:
-                roles[command.role] = (*roles.get(command.role, ()), part_.channel(i))
-        return roles
-
-    def by_inside(self) -> dict[str, tuple[str, ...]]:
-        """The channels that move each thing inside of the hull, see `Command.inside`, in the order of the inputs."""
-        moved: dict[str, tuple[str, ...]] = {}
-        for part_, i, command in self.commands:
-            if command.inside:
-                moved[command.inside] = (*moved.get(command.inside, ()), part_.channel(i))
-        return moved
-
-    @property
-    def thrusters(self) -> tuple[Part, ...]:
-        """The parts that push along a line by their command alone."""
-        return tuple(part_ for part_ in self.parts if part_.found.thrusts is not None)
-
-    @property
-    def steered(self) -> bool:
-        """Whether parts steer it in yaw and in pitch, and drive it."""
-        return {"yaw", "pitch", "surge"} <= self.by_role().keys()
-
-    @property
-    def hovers(self) -> bool:
-        """Whether thrusters do everything, and no part steers or drives by its role."""
-        return bool(self.thrusters) and not self.by_role()
-
-    @property
-    def glides(self) -> bool:
-        """Whether its volume, and masses that slide and turn in it, do everything: no part steers, drives or pushes."""
-        return {"volume", "slide", "turn"} <= self.by_inside().keys() and not self.by_role() and not self.thrusters
-
-    @property
-    def piloted(self) -> bool:
-        """Whether autopilots and environments know how to move it: by fins and a drive, thrusters or masses alone."""
-        return self.steered or self.hovers or self.glides
-
-    @property
-    def kind(self) -> str:
-        """The kind of the vehicle, by what moves it."""
-        return "hover" if self.hovers else "glide_body" if self.glides else "body"
-
-    def required(self) -> tuple[str, ...]:
-        """The channels that a record must have; a second part of a role, such as bow planes, rests where it lacks."""
-        first = {names[0] for names in self.by_role().values()}
-        named = [(part_.channel(i), command) for part_, i, command in self.commands]
-        return tuple(name for name, command in named if command.required and (not command.role or name in first))
-
-    def ranges(self, parameters: Any) -> np.ndarray:
-        """The lowest command, that at rest and the highest of every command, in its channel's unit, (n, 3)."""
-        rows = []
-        for part_, _, command in self.commands:
-            own = getattr(parameters.parts, part_.name)
-            low, high = command.limits(own)
-            rows.append((low, getattr(own, command.rest) if command.rest else command.idle, high))
-        return np.array(rows, dtype=float).reshape(len(rows), 3)
 
 
 def compose(parts: Sequence[Part]) -> Family:
@@ -257,14 +150,14 @@ def _composed(parts: tuple[Part, ...]) -> Family:
         moves=_moves(slots),
         outputs=OUTPUTS,
         coefficients=(
-            *(_DRAG_COEFFICIENTS if body.hovers else _HULL_COEFFICIENTS),
+            *(DRAG_COEFFICIENTS if body.hovers else HULL_COEFFICIENTS),
             *(f"parts.{part_.name}.{name}" for part_ in first_of_kind for name in part_.found.coefficients),
         ),
         main_output="heading_rad",
         nearly={f"{axis}_mps": f"{axis}_dvl_mps" for axis in "uvw"},
         at_rest=_at_rest(body.hovers),
         driven=frozenset(_HOVERING if body.hovers else ()),
-        dissipating=frozenset(_DRAG_COEFFICIENTS if body.hovers else ()),
+        dissipating=frozenset(DRAG_COEFFICIENTS if body.hovers else ()),
         measured={"effects.supply.sag": "supply_V"},
         twins={
             "effects.hull.damping_surge": "hull.surge.u_u",
@@ -438,96 +331,3 @@ def _hooks(
         derive=bind(derived_numbers.hand_on, program, inline=False, derive=derive),
         kick=kick,
     )
-
-
-def mass_problem(parameters: Any, derive: Callable[..., Any], record: np.dtype) -> str:
-    """What is wrong with the mass matrix, or nothing: its symmetric part must be positive definite."""
-    numbers = np.zeros(record.itemsize // 8)
-    derive(pack(parameters), numbers)
-    computed = numbers.view(record)[0].computed
-    rigid, whole = computed.rigid_mass, computed.mass
-    for name, matrix in (
-        ("mass matrix of the rigid body", rigid),
-        ("mass matrix with added mass", 0.5 * (whole + whole.T)),
-    ):
-        values, vectors = np.linalg.eigh(matrix)
-        if values[0] <= 0.0:
-            axis = _AXES[int(np.argmax(np.abs(vectors[:, 0])))]
-            return (
-                f"the {name} is not positive definite (smallest eigenvalue {values[0]:.3g}, mostly in {axis}): "
-                "check hull.mass, the inertias, the centre of gravity and hull.added_mass (negative there)"
-            )
-    return ""
-
-
-def places_outside(parts: Sequence[Part], parameters: Any) -> list[str]:
-    """Words about parts that sit farther outside the hull than it is long, which a wrong unit makes them."""
-    length, radius = parameters.hull.length, 0.5 * parameters.hull.diameter
-    found = []
-    for part_ in parts:
-        for key in part_.found.place:
-            place = getattr(getattr(parameters.parts, part_.name), key)
-            farthest = length + (0.5 * length if key.endswith("x") else radius)
-            if abs(place) > farthest:
-                found.append(
-                    f"parts.{part_.name}.{key} = {place:g} m is more than a length outside the hull, which is "
-                    f"{length:g} m long: check its unit and sign"
-                )
-    return found
-
-
-def doubted_in(parts: Sequence[Part], parameters: Any) -> list[str]:
-    """The paths of all hydrodynamic coefficients and inertias that are not zero: what tables are off by."""
-    hull = [f"hull.{path}" for path in list_paths(parameters.hull) if path.startswith(_DOUBTED)]
-    own = [f"parts.{part_.name}.{name}" for part_ in parts for name in part_.found.doubted]
-    return [path for path in (*hull, *own) if value_at(parameters, path) != 0.0]
-
-
-def unstated_drag(parameters: Any) -> dict[str, float]:
-    """The standard deviation, by path, of each drag coefficient that is zero, of a vehicle that hovers.
-
-    So much that an axis comes to rest within a second, mass and added mass over 1 s, or from 0.3 m/s or rad/s with the
-    square: as fast as such vehicles do.  Without it, a fit would take any drag for an axis that no sensor measures.
-    """
-    hull, added = parameters.hull, parameters.hull.added_mass
-    masses = (
-        *(hull.mass - added.x_udot, hull.mass - added.y_vdot, hull.mass - added.z_wdot),
-        *(hull.i_xx - added.k_pdot, hull.i_yy - added.m_qdot, hull.i_zz - added.n_rdot),
-    )
-    found = {}
-    for linear, square, mass in zip(_DRAG_COEFFICIENTS[::2], _DRAG_COEFFICIENTS[1::2], masses, strict=True):
-        found |= {linear: mass / _STOPS_IN_S, square: mass / _STOPS_IN_S / _STOPS_FROM}
-    return {path: deviation for path, deviation in found.items() if value_at(parameters, path) == 0.0}
-
-
-def coefficients_of(parts: Sequence[Part], parameters: Any) -> dict[str, tuple[str, Callable[[float, float], float]]]:
-    """The effects that do nothing but change one coefficient of a vehicle with these parameters; see `Family`."""
-
-    def scaled(given: float, size: float) -> float:
-        return given * (1.0 + size)
-
-    hull = parameters.hull
-    found: dict[str, tuple[str, Callable[[float, float], float]]] = {
-        f"effects.hull.added_mass_{axis}": (f"hull.added_mass.{name}", scaled)
-        for axis, name in zip(_AXES, ("x_udot", "y_vdot", "z_wdot", "k_pdot", "m_qdot", "n_rdot"), strict=True)
-    }
-    crossed = hull.cross_flow.drag_y != 0.0 or hull.cross_flow.drag_z != 0.0
-    for axis in _AXES:
-        terms = getattr(hull, axis)
-        acting = [term for term in derived_numbers.DAMPING_TERMS if getattr(terms, term) != 0.0]
-        if len(acting) == 1 and not (crossed and axis in ("sway", "heave")):
-            found[f"effects.hull.damping_{axis}"] = (f"hull.{axis}.{acting[0]}", scaled)
-    for part_ in parts:
-        for effect, (name, law) in part_.found.same.items():
-            found[f"effects.{part_.name}.{effect}"] = (f"parts.{part_.name}.{name}", law)
-    return found
-
-
-def part_problem(parts: Sequence[Part], parameters: Any) -> str:
-    """What is impossible about the numbers of a part, or nothing."""
-    for part_ in parts:
-        own, kind = getattr(parameters.parts, part_.name), part_.found
-        found = kind.problem(own) or kind.problem_with_hull(own, parameters.hull)
-        if found:
-            return f"parts.{part_.name}{found}".replace("{}", f"parts.{part_.name}")
-    return ""

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from auv_gym.param import did_you_mean
-from auv_gym.vehicles.body.compose import Body, Part, compose
+from auv_gym.vehicles.body.body import Body, Part
+from auv_gym.vehicles.body.compose import compose
 from auv_gym.vehicles.body.kinds import part_kind, part_kinds
 from auv_gym.vehicles.family import Family
 

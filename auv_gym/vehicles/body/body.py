@@ -1,0 +1,110 @@
+"""A body of named parts, and what it can do with them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from auv_gym.vehicles.body.kinds import Command, PartKind, part_kind
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part as a vehicle file names it: its kind, the form of the kind, and the channels of its commands."""
+
+    name: str
+    kind: str
+    choice: str = ""
+    channels: tuple[str, ...] = ()
+
+    @property
+    def found(self) -> PartKind:
+        return part_kind(self.kind, self.choice)
+
+    @property
+    def title(self) -> str:
+        """`stern plane`; a name with abbreviations or numbers, such as `th_ap`, as the file has it."""
+        words = self.name.split("_")
+        return " ".join(words) if all(len(word) > 2 for word in words) else self.name
+
+    def channel(self, index: int) -> str:
+        """The channel of one of its commands."""
+        if index < len(self.channels) and self.channels[index]:
+            return self.channels[index]
+        command = self.found.commands[index]
+        return command.channel or f"{self.name}_{command.suffix}"
+
+
+@dataclass(frozen=True)
+class Body:
+    """What a family in six degrees of freedom knows of its parts, in the order of its parameters."""
+
+    parts: tuple[Part, ...]
+
+    @property
+    def commands(self) -> tuple[tuple[Part, int, Command], ...]:
+        """All commands in the order of the inputs: the part, which of its commands, and what it is."""
+        return tuple((part, i, c) for part in self.parts for i, c in enumerate(part.found.commands))
+
+    def by_role(self) -> dict[str, tuple[str, ...]]:
+        """The channels that serve each role, in the order of the inputs."""
+        roles: dict[str, tuple[str, ...]] = {}
+        for part_, i, command in self.commands:
+            if command.role:
+                roles[command.role] = (*roles.get(command.role, ()), part_.channel(i))
+        return roles
+
+    def by_inside(self) -> dict[str, tuple[str, ...]]:
+        """The channels that move each thing inside of the hull, see `Command.inside`, in the order of the inputs."""
+        moved: dict[str, tuple[str, ...]] = {}
+        for part_, i, command in self.commands:
+            if command.inside:
+                moved[command.inside] = (*moved.get(command.inside, ()), part_.channel(i))
+        return moved
+
+    @property
+    def thrusters(self) -> tuple[Part, ...]:
+        """The parts that push along a line by their command alone."""
+        return tuple(part_ for part_ in self.parts if part_.found.thrusts is not None)
+
+    @property
+    def steered(self) -> bool:
+        """Whether parts steer it in yaw and in pitch, and drive it."""
+        return {"yaw", "pitch", "surge"} <= self.by_role().keys()
+
+    @property
+    def hovers(self) -> bool:
+        """Whether thrusters do everything, and no part steers or drives by its role."""
+        return bool(self.thrusters) and not self.by_role()
+
+    @property
+    def glides(self) -> bool:
+        """Whether its volume, and masses that slide and turn in it, do everything: no part steers, drives or pushes."""
+        return {"volume", "slide", "turn"} <= self.by_inside().keys() and not self.by_role() and not self.thrusters
+
+    @property
+    def piloted(self) -> bool:
+        """Whether autopilots and environments know how to move it: by fins and a drive, thrusters or masses alone."""
+        return self.steered or self.hovers or self.glides
+
+    @property
+    def kind(self) -> str:
+        """The kind of the vehicle, by what moves it."""
+        return "hover" if self.hovers else "glide_body" if self.glides else "body"
+
+    def required(self) -> tuple[str, ...]:
+        """The channels that a record must have; a second part of a role, such as bow planes, rests where it lacks."""
+        first = {names[0] for names in self.by_role().values()}
+        named = [(part_.channel(i), command) for part_, i, command in self.commands]
+        return tuple(name for name, command in named if command.required and (not command.role or name in first))
+
+    def ranges(self, parameters: Any) -> np.ndarray:
+        """The lowest command, that at rest and the highest of every command, in its channel's unit, (n, 3)."""
+        rows = []
+        for part_, _, command in self.commands:
+            own = getattr(parameters.parts, part_.name)
+            low, high = command.limits(own)
+            rows.append((low, getattr(own, command.rest) if command.rest else command.idle, high))
+        return np.array(rows, dtype=float).reshape(len(rows), 3)
