@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -27,31 +28,31 @@ def draw_vehicle(plant: Any) -> Figure:
     wide, half = 0.625 * hull.length, 1.3 * max(0.0, *ends, 0.5 * hull.diameter, 0.17 * hull.length)
     width = min(9.0, 9.0 * wide / half * 10.6 / 16.0)  # inches; a stubby vehicle's two views still fit a page
     figure = Figure(figsize=(width, 1.4 + 16.0 / 9.0 * width * half / wide), layout="constrained")
-    figure.suptitle(plant.title or plant.name, fontsize=12)
+    figure.suptitle(fill(plant.title or plant.name, int(10.0 * width)), fontsize=12)  # a letter is 7 points wide
+    points = 0.85 * 72.0 * width / (2.0 * wide)  # for each metre, at least
     for axes, (view, across, label) in zip(figure.subplots(2, 1, sharex=True), _VIEWS, strict=True):
         x, y = _outline(hull.length, hull.diameter)
         axes.fill(x, y, facecolor=_HULL, alpha=0.35, edgecolor=_HULL)
         heavy, light = (hull.x_g, hull.y_g, hull.z_g), (hull.x_b, hull.y_b, hull.z_b)
         axes.plot(heavy[0], heavy[across], "k+", label="centre of gravity of the hull")
         axes.plot(light[0], light[across], "kx", label="centre of buoyancy")
-        placed: list[float] = []
+        taken: list[np.ndarray] = []
         for part in body.parts:
             lines = [np.array(sketch.points) for sketch in part.found.sketch(_own(plant, part))]
             for line in lines:
                 axes.plot(line[:, 0], line[:, across], color=_PART, linewidth=2.5, marker="o", markersize=3.5)
             if not lines:
                 continue
-            at = np.vstack(lines).mean(axis=0)
-            row = sum(abs(at[0] - x) < 0.15 * hull.length for x in placed)
-            placed.append(float(at[0]))
+            at = 0.5 * (np.vstack(lines).min(axis=0) + np.vstack(lines).max(axis=0))
             axes.annotate(
                 part.title,
                 (at[0], at[across]),
-                (0, 26 + 12 * row),
+                (0, _free_row(points * at[[0, across]], points * half, part.title, taken)),
                 textcoords="offset points",
                 ha="center",
                 fontsize=8,
                 color=_PART,
+                bbox={"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 0.8},
                 arrowprops={"arrowstyle": "-", "color": _PART, "linewidth": 0.5},
             )
         axes.set_ylabel(label)
@@ -64,6 +65,25 @@ def draw_vehicle(plant: Any) -> Figure:
     axes.set_xlabel("forward, m" + (f"          not drawn, without a place: {', '.join(nowhere)}" if nowhere else ""))
     axes.legend(loc="lower left", fontsize=8, frameon=False)
     return figure
+
+
+def _free_row(at: np.ndarray, edge: float, text: str, taken: list[np.ndarray]) -> int:
+    """How far above its part a name is written, points, where it meets no name of ``taken``, which it joins.
+
+    at: the part's middle, points to the right and down.  edge: of the picture, points above and below its middle.
+    """
+    size = np.array([5.0 * len(text) + 4.0, 11.0])
+    rows = [sign * (26 + 12 * row) for row in range(9) for sign in (1, -1)]
+    for row in rows:
+        middle = at - np.array([0.0, row + 4.0])
+        if abs(middle[1]) + 8.0 < edge and all(
+            (np.abs(middle - other[0]) >= 0.5 * (size + other[1])).any() for other in taken
+        ):
+            break
+    else:
+        row, middle = rows[0], at
+    taken.append(np.array([middle, size]))
+    return row
 
 
 def _own(plant: Any, part: Any) -> Any:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from auv_gym.cli import main
 from auv_gym.plant import load_vehicle
@@ -28,6 +29,20 @@ def test_every_part_is_drawn_where_its_file_puts_it_or_named_as_not_drawn(name):
             middles = [np.mean(line.get_xydata()[:4], axis=0) for line in above.lines]
             assert any(np.allclose(middle, place[:2], atol=1e-9) for middle in middles)
     assert (above.get_ylabel(), side.get_ylabel()) == ("starboard, m", "down, m")
+
+
+@pytest.mark.parametrize("name", ["remus100", "bluerov2_heavy"])
+def test_names_neither_overlap_nor_leave_the_picture(name):
+    figure = draw_vehicle(load_vehicle(name))
+    FigureCanvasAgg(figure).draw()
+    for axes in figure.axes:
+        boxes = [text.get_bbox_patch().get_window_extent() for text in axes.texts]
+        assert len(boxes) > 1
+        assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[:k])
+        assert all(axes.bbox.y0 < box.y0 and box.y1 < axes.bbox.y1 for box in boxes)
+    title = figure._suptitle.get_window_extent()
+    assert figure.bbox.x0 < title.x0
+    assert title.x1 < figure.bbox.x1
 
 
 def test_the_command_writes_the_picture_or_says_why_not(tmp_path, capsys):
