@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
 _NAMED = 8  # missions whose names have room below a picture
 _ROW = 0.42  # inches of a picture for a parameter
+_FAR = 20.0  # smallest detectable changes, beyond which a picture's axis is logarithmic
 
 
 def write_comparison(found: Comparison, folder: str | os.PathLike) -> dict[str, Path]:
@@ -323,7 +324,11 @@ def change_figure(found: Comparison) -> Figure:
     axes.axvline(0.0, color=QUIET, linewidth=0.8)
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()
-    axes.set_xlabel("change, relative to the smallest detectable change")
+    label = "change, relative to the smallest detectable change"
+    if np.abs(axes.dataLim.intervalx).max() > _FAR:  # a large change would leave no width to the others
+        axes.set_xscale("symlog", linthresh=1.0)
+        label += "; logarithmic beyond 1"
+    axes.set_xlabel(label)
     return figure
 
 

@@ -10,9 +10,18 @@ import pytest
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from identification.changes import missions
+from identification.changes.forms import Sized
 from identification.changes.joined import joined_sides
-from identification.changes.missions import Changed, Common, coefficients_first, compare_missions, one_or_two
-from identification.changes.page import write_comparison
+from identification.changes.missions import (
+    Changed,
+    Common,
+    Comparison,
+    Unchanged,
+    coefficients_first,
+    compare_missions,
+    one_or_two,
+)
+from identification.changes.page import change_figure, write_comparison
 from identification.changes.wording import summary, tied_words
 from identification.diagnosis.log.checking import Asked, check_log
 from identification.diagnosis.search.attribution import Round
@@ -31,6 +40,18 @@ OFFSET = "effects.rudder.offset"
 def mission(seed, offset=0.0):
     plant = replace_at(load_vehicle("slocum"), OFFSET, offset)
     return closed_loop(plant, rng=np.random.default_rng(seed), duration=800.0)
+
+
+@pytest.mark.parametrize("size, scale", [(0.05, "symlog"), (0.0005, "linear")])
+def test_a_change_far_beyond_the_others_leaves_them_room_in_the_picture(size, scale):
+    small = Sized(1e-4, (-1e-4, 3e-4))
+    after = Sized(size, (size - 1e-4, size + 1e-4))
+    changed = Changed(OFFSET, "rudder offset", "rad", Sized(0.0, (-1e-4, 1e-4)), after, after, 500.0)
+    unchanged = Unchanged("hull.n_r", "yaw damping N_r", "1", -1e-3, small, 1e-3)
+    sides = (("spring",), ("autumn",))
+    (axes,) = change_figure(Comparison(load_vehicle("slocum"), sides, (changed,), (), (unchanged,), 50, {})).axes
+    assert axes.get_xscale() == scale
+    assert ("logarithmic beyond 1" in axes.get_xlabel()) == (scale == "symlog")
 
 
 @pytest.mark.slow
