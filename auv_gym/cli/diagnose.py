@@ -48,7 +48,10 @@ def diagnose(
     trust: logs.Trust = False,
     again: Annotated[
         Path | None,
-        typer.Option(help="Repeat the diagnosis of this diagnosis.json, with its vehicle and settings."),
+        typer.Option(
+            help="Repeat the diagnosis in this diagnosis.json, with the parameters and settings that it stores. Give "
+            "the same log and --vehicle."
+        ),
     ] = None,
     timings: Annotated[bool, typer.Option("--timings", help="Print how long each step took.")] = False,
     next_experiment: Annotated[

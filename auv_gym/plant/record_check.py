@@ -318,7 +318,10 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def check_excitation(plant: Plant, record: Record) -> None:
-    """Raises if the inputs that move the vehicle are constant throughout; of several, one that moves will do."""
+    """Raises if the inputs that move the vehicle are constant throughout, or if what they move is.
+
+    Of several inputs, one that moves will do.
+    """
     still = []
     moving = plant.family.required or [name for name in plant.family.actuators if record.has(name)]
     if not moving:
@@ -333,6 +336,13 @@ def check_excitation(plant: Plant, record: Record) -> None:
             still.append(f"{name} is constant at {float(signal[0]):.4g}{f' ({unit})' if unit else ''}")
     if len(still) == len(moving):
         raise ValueError(f"Nothing excites the vehicle: {', '.join(still)}. Use a log in which it moves.")
+    leading = plant.family.leading
+    if plant.family.required and record.has(leading) and np.ptp(record[leading]) == 0.0:
+        raise ValueError(
+            f"{leading} is constant at {float(record[leading][0]):.4g}{_unit(leading)} in all {len(record):,} samples, "
+            "although the inputs move: its sensor is stuck, or the column holds something else. Map another column, or "
+            "use another log."
+        )
 
 
 def described(plant: Plant, record: Record) -> Record:

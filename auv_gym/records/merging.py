@@ -76,12 +76,18 @@ def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
     of the rows that stay are kept as they are; all others are brought to these rows.  Inputs, commands and flags keep
     their last value.  Measurements are interpolated linearly, attitudes along the shortest turn, where two samples are
     no further apart than the signal's gaps and 10 intervals of the base, or 2 s; elsewhere they are missing.
-    Raises ValueError if all rows have the same time.
+    Raises ValueError if all rows have the same time, or none.
     """
     notes: list[str] = []
     ordered = [in_order(stream, notes) for stream in streams if stream.time.size]
     ordered = _common_clock([stream for stream in ordered if stream.time.size], notes)
     if not ordered:
+        untimed = max((stream.time.size for stream in streams), default=0)
+        if untimed:
+            raise ValueError(
+                f"None of the {untimed} rows has a time. A record needs each sample's time: give another column as "
+                "time_s."
+            )
         return Merged(np.empty(0), {}, {}, {}, None, "", notes)
     at, name = _base(ordered, leading)
     base = ordered[at]

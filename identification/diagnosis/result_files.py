@@ -221,6 +221,8 @@ def again(file: str | os.PathLike, record: Record, progress: Progress = lambda f
         vehicle, asked, digest = told["vehicle"], told["asked"], told["record_sha256"]
         known: dict[str, Any] = {name: vehicle[name] for name in ("deviations", "fitted_to")}
         parts = [Part(**(part | {"channels": tuple(part["channels"])})) for part in vehicle["parts"]]
+    except FileNotFoundError:
+        raise ValueError(f"There is no file {file}. Give the diagnosis.json that `auv-gym diagnose` wrote.") from None
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{file} is no diagnosis.json of this version ({error}): run the diagnosis again.") from error
     family = family_named(vehicle["family"], parts)

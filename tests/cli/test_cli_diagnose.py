@@ -87,6 +87,11 @@ def bad_logs(record):
         "missing column": ({"time_s": time, "heading_rad": heading}, ["rudder_rad", "heading_rad"]),
         "unknown unit suffix": ({"time_s": time, "heading_degree": heading, "rudder_rad": rudder}, ["heading_degree"]),
         "constant rudder": (columns_of(record, rudder_rad=np.full(n, 0.1)), ["Nothing excites", "constant at 0.1"]),
+        "constant heading": (
+            columns_of(record, heading_rad=np.full(n, 1.0)),
+            ["heading_rad is constant at 1 rad in all 151 samples, although the inputs move"],
+        ),
+        "no times": ({**columns_of(record), "time_s": nothing}, ["None of the 151 rows has a time"]),
         "too short": ({k: v[:20] for k, v in columns_of(record).items()}, ["at least 4 windows of 120 s"]),
         "nothing in a required channel": (columns_of(record, heading_rad=nothing), ["heading_rad", "no value in any"]),
         "no rudder": (columns_of(record, rudder_rad=nothing), ["rudder_rad", "no value in any"]),
@@ -95,7 +100,7 @@ def bad_logs(record):
 
 CASES = [
     *("missing column", "unknown unit suffix", "constant rudder", "too short", "nothing in a required channel"),
-    "no rudder",
+    *("no rudder", "constant heading", "no times"),
 ]
 
 
@@ -109,6 +114,12 @@ def test_bad_logs_are_refused_in_words(case, log, tmp_path, capsys):
         assert word.lower() in said.lower(), said
     assert "Traceback" not in said
     assert not out.exists()
+
+
+def test_a_diagnosis_to_repeat_that_is_not_there_is_named(log, tmp_path, capsys):
+    path, missing = write_csv(tmp_path / "log.csv", columns_of(log)), tmp_path / "diagnosis.json"
+    assert run(path, tmp_path / "out", "--again", str(missing)) == 1
+    assert f"There is no file {missing}. Give the diagnosis.json that" in " ".join(capsys.readouterr().err.split())
 
 
 def test_a_gap_may_be_cut_out_instead(log, tmp_path, capsys):

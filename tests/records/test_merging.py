@@ -98,6 +98,11 @@ def test_rows_that_all_have_one_time_are_refused_with_words():
         merged([stream(np.full(50, 7.0), depth_m=np.arange(50.0))])
 
 
+def test_rows_without_any_time_are_refused_with_words():
+    with pytest.raises(ValueError, match=r"None of the 50 rows has a time.* give another column as time_s"):
+        merged([stream(np.full(50, np.nan), depth_m=np.arange(50.0))])
+
+
 def test_dated_rows_in_no_order_are_sorted_and_a_clock_without_dates_is_left_as_it_is():
     time = np.random.default_rng(1).permutation(200) * 10.0
     shuffled, notes = stream(time, depth_m=time), []
