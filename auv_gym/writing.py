@@ -73,7 +73,7 @@ def writable_folder(folder: str | os.PathLike) -> Path:
     except OSError as error:
         raise ValueError(
             f"Cannot write into {out}: {'it is a file' if out.is_file() else error.strerror or error}. Give another "
-            "folder with --out."
+            "folder."
         ) from None
     return out
 

@@ -42,6 +42,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with no_empty_folders():
             app(args=None if arguments is None else list(arguments), prog_name="auv-gym")
     except SystemExit as ended:
+        exit_ = ended.__context__  # typer's, from what ended the command
+        if exit_ is not None and isinstance(exit_.__cause__, KeyboardInterrupt):
+            errors.print("Stopped.")
         return ended.code if isinstance(ended.code, int) else int(ended.code is not None)
     except Exception as error:
         if os.environ.get("AUV_GYM_DEBUG", "0") not in ("", "0") or not _is_ours(error):

@@ -115,7 +115,7 @@ def _add(shown: Table, tree: Any, prefix: str) -> None:
             spec = spec_at(tree, path)
             low, high = spec.bounds
             numbers = (f"{spec.neutral:g}", f"{low:.3g} to {high:.3g}", f"{spec.probe:g}")
-            unit = "" if spec.unit == "1" else f", {spec.unit}"
+            unit = {"1": "", "channel's": ", in the channel's unit"}.get(spec.unit, f", {spec.unit}")
             title = spec.title.replace("{}", "NAME")
             shown.add_row(f"{prefix}{path}\n  [dim]{title}{unit}[/]", *numbers)
     discovered = [path.split(".") for path in list_paths(tree) if path.startswith("discovered.")]

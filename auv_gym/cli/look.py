@@ -150,10 +150,16 @@ def _cells(signal: SignalLook, rule: str, mark: str) -> Sequence[str]:
         ends, unit = shown_values(signal.channel, ends), unit_label(signal.channel)
     unit = "" if unit == "1" else unit
     every = f"{short(signal.interval)} s" if np.isfinite(signal.interval) else ""
-    extent = f"{ends[0]:.4g} to {ends[1]:.4g} {unit}" if np.isfinite(ends).all() else unit
+    extent = f"{_extent(*ends)} {unit}" if np.isfinite(ends).all() else unit
     gaps = str(signal.gaps) if signal.gaps else ""
     taken = "same name" if signal.channel == signal.column else signal.channel
     return signal.column, taken + mark, rule, f"{signal.samples:,}", every, gaps, extent.rstrip()
+
+
+def _extent(low: float, high: float) -> str:
+    """Two ends with four digits, or with as many more as tell them apart."""
+    texts = [(f"{low:.{digits}g}", f"{high:.{digits}g}") for digits in range(4, 9)]
+    return " to ".join(next((ends for ends in texts if ends[0] != ends[1]), texts[0]))
 
 
 def _print_list(title: str, lines: Sequence[str], every: bool) -> None:

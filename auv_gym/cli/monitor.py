@@ -60,10 +60,15 @@ def monitor(
             learned_from = "the first quarter of the log"
             early = np.arange(len(record)) < _CLEAN * len(record)
             known, record = record.select(early), record.select(~early)
-        watcher = Monitor.learn(
-            known, plant, false_alarms_per_hour=rate, steady=steady, doubt=doubt, trust=trust,
-            progress=lambda f, text: progress(0.05 + 0.4 * f, text),
-        )  # fmt: skip
+        try:
+            watcher = Monitor.learn(
+                known, plant, false_alarms_per_hour=rate, steady=steady, doubt=doubt, trust=trust,
+                progress=lambda f, text: progress(0.05 + 0.4 * f, text),
+            )  # fmt: skip
+        except ValueError as error:
+            if clean:
+                raise
+            raise ValueError(f"{error} The clean log was {learned_from}; --clean LOG gives another.") from error
         progress(0.5, "replaying the log")
         found = watch(
             watcher, record, clean=learned_from, trust=trust, progress=lambda f, text: progress(0.5 + 0.45 * f, text)

@@ -29,8 +29,8 @@ def tune(
         list[str] | None,
         typer.Option(
             metavar="QUANTITY>=NUMBER",
-            help="A requirement, such as phase_margin_deg>=45, or for one loop depth_m.overshoot_percent<=10; may be "
-            "repeated. Default: sensitivity_peak<=2.",
+            help="A requirement in quotes, such as 'phase_margin_deg>=45', or for one loop "
+            "'depth_m.overshoot_percent<=10'; may be repeated. Default: sensitivity_peak<=2.",
         ),
     ] = None,
     gains: Annotated[

@@ -387,7 +387,9 @@ def _toml(path: Path, what: str) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise ValueError(f"Cannot read the mapping {path}: {error.strerror}.") from error
+        raise ValueError(
+            f"Cannot read the mapping {path}: {error.strerror}. Give a TOML file; `look --mapping-out` writes one."
+        ) from error
     except ValueError as error:
         _check_twice(path, what)
         raise ValueError(f'{what} is not TOML ({error}): write lines such as "Hdg" = "heading_deg".') from error

@@ -319,7 +319,7 @@ def _missing(missing: Sequence[str], known: Understood) -> ValueError:
     needed = " and ".join(missing) if len(missing) < 3 else ", ".join(missing)
     example = f'"their column" = "{missing[0]}"'
     return ValueError(
-        f"The log has no channel {needed}, which the vehicle needs; it has {have}. {hints}"
+        f"The log has no channel {needed}, which {'is' if len(missing) == 1 else 'are'} needed; it has {have}. {hints}"
         f"Name it in a mapping, as in {example}, or state it as a constant; `auv-gym look` shows all columns."
     )
 

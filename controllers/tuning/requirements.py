@@ -92,8 +92,8 @@ def parse_requirements(texts: Sequence[str], channels: Sequence[str]) -> tuple[R
             quantity = ""
         if not quantity or not isfinite(value):
             raise ValueError(
-                f"A requirement needs QUANTITY>=NUMBER or <=, such as phase_margin_deg>=45, with a channel before it "
-                f"where it is for one loop, depth_m.overshoot_percent<=10; got {text!r}."
+                f"A requirement needs QUANTITY>=NUMBER or QUANTITY<=NUMBER, such as 'phase_margin_deg>=45', or for one "
+                f"loop 'depth_m.overshoot_percent<=10', got {text!r}. Put it in quotes, since > redirects in a shell."
             )
         if quantity not in QUANTITIES:
             raise ValueError(

@@ -252,7 +252,7 @@ def check_law(plant: Plant, law: str) -> None:
             f"like one of these presets: {', '.join(able)}."
         )
     if law not in LAWS:
-        raise ValueError(f"Gains are tuned of kind {' or '.join(LAWS)}, got {law!r}.")
+        raise ValueError(f"The kind of controller needs to be {' or '.join(LAWS)}, got {law!r}.")
 
 
 def tune_and_judge(

@@ -188,6 +188,15 @@ def test_usage_errors_exit_with_2(capsys):
     assert "Usage" in capsys.readouterr().err
 
 
+def test_an_interrupt_is_said_and_has_its_exit_code(monkeypatch, capsys):
+    def interrupted(name):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("auv_gym.presets.find_vehicle", interrupted)
+    assert main(["look", "log.csv", "--vehicle", "slocum"]) == 130
+    assert capsys.readouterr().err.split() == ["Stopped."]
+
+
 def test_debug_shows_the_traceback(monkeypatch):
     monkeypatch.setenv("AUV_GYM_DEBUG", "1")
     with pytest.raises(ValueError, match="slocum"):
@@ -197,7 +206,9 @@ def test_debug_shows_the_traceback(monkeypatch):
 @pytest.mark.parametrize(
     "options, words",
     [
-        (["--min-depth", "500"], "The log has no sample between 500"),
+        (["--min-depth", "500"], "The log has no sample deeper than 500 m; its depth"),
+        (["--max-depth", "0"], "The log has no sample shallower than 0 m; its depth"),
+        (["--min-depth", "500", "--max-depth", "600"], "The log has no sample between 500 and 600 m; its depth"),
         (["--min-depth", "30", "--max-depth", "20"], "--min-depth needs to be less"),
     ],
 )

@@ -96,6 +96,8 @@ def test_onset_and_monitor_refuse_the_log_of_another_vehicle_and_a_rate_that_is_
         assert "no channel 'heading_rad'" in refused(capsys, command, dives / "float.nc", *common)
     told = refused(capsys, "monitor", dives / "first.nc", "--clean", dives / "float.nc", *common)
     assert "no channel 'heading_rad'" in told
+    told = refused(capsys, "monitor", dives / "first.nc", *common)
+    assert told.endswith("The clean log was the first quarter of the log; --clean LOG gives another.")
     for rate in ("0", "-1", "nan"):
         told = refused(capsys, "monitor", dives / "first.nc", "--rate", rate, *common)
         assert f"from 1e-06 to 10000 is needed, got {rate}" in told

@@ -64,7 +64,7 @@ def write_log(path, **changes):
 @pytest.mark.parametrize(
     "changes, words",
     [
-        ({"pitch_rad": 0.0, "heading_rad": 0.0}, "The log has no channel pitch_rad, which the vehicle needs"),
+        ({"pitch_rad": 0.0, "heading_rad": 0.0}, "The log has no channel pitch_rad, which is needed"),
         ({"buoyancy_volume_m3": -1.0}, "check the column's sign and unit, throughout the log; its sign looks turned."),
         ({"buoyancy_volume_m3": 1e6}, "throughout the log; it looks like cm3 (a name that ends in _cm3)."),
         ({"depth_m": 0.03}, "100 % near the surface. Check signs and units of depth, pitch and the inputs"),

@@ -47,6 +47,15 @@ def test_all_presets_are_compared_without_a_vehicle(log, capsys):
     assert "mermaid" in text
 
 
+def test_a_range_has_the_digits_that_tell_its_ends_apart(tmp_path, capsys):
+    t = np.arange(100.0)
+    path = write(tmp_path / "log.csv", {"time_s": t, "density_kgpm3": 1027.71 + 1e-3 * t, "salinity_psu": 35.0 + 0 * t})
+    assert main(["look", str(path), "--vehicle", "slocum"]) == 0
+    text = said(capsys)
+    assert "1027.7 to 1027.8 kg/m3" in text
+    assert "35 to 35 psu" in text
+
+
 @pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
 def test_it_draws_a_picture(log, tmp_path, capsys, ending):
     pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
@@ -62,6 +71,7 @@ def test_it_draws_a_picture(log, tmp_path, capsys, ending):
         (["--vehicle", "sloccum"], "Did you mean 'slocum'"),
         (["--picture", "log.gif"], "written as .png, .svg or .pdf"),
         (["--mapping", "none.toml"], "Cannot read the mapping"),
+        (["--mapping-out", "log.csv/names.toml"], "Cannot write into log.csv: it is a file. Give another folder."),
     ],
 )
 def test_bad_options_are_refused(log, tmp_path, monkeypatch, capsys, options, words):

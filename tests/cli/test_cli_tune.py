@@ -86,7 +86,8 @@ def test_a_vehicle_without_gains_is_refused_with_those_that_have_some(vehicle, t
         (("--require", "phase_margin_deg<=45"), "phase_margin_deg needs >=, got 'phase_margin_deg<=45'"),
         (("--require", "depth_m.phase_margin_deg>=45"), "No loop 'depth_m' in"),
         (("--require", "fast"), "A requirement needs QUANTITY>=NUMBER"),
-        (("--kind", "lqr"), "Gains are tuned of kind pid or gpc, got 'lqr'"),
+        (("--require", "phase_margin_deg"), "Put it in quotes, since > redirects in a shell"),
+        (("--kind", "lqr"), "The kind of controller needs to be pid or gpc, got 'lqr'"),
         (("--uncertain", "nothing.json"), "There is no file nothing.json"),
     ],
 )

@@ -281,7 +281,7 @@ def test_what_a_mapping_or_a_vehicle_needs_and_the_log_does_not_have(name, put, 
     for outcome in tried(path, {"rovio/reference[7]": "rudder_deg"}):
         assert says(outcome, r"rovio/reference\[7\]"), outcome
     read, _ = tried(path, None, ["sway_force_N"])
-    assert says(read, "no channel sway_force_N, which the vehicle needs; it has .* Name it in a mapping"), read
+    assert says(read, "no channel sway_force_N, which is needed; it has .* Name it in a mapping"), read
 
 
 def depth_log(name: str, seconds: np.ndarray, depths: np.ndarray) -> tuple[bytes, dict[str, str]]:

@@ -105,7 +105,9 @@ def test_a_mapping_renames_converts_and_leaves_out(tmp_path):
         read_record(path, {"Time": "time_s", "Hdg": "time_s"})
     with pytest.raises(ValueError, match="is not TOML"):
         read_record(path, write(tmp_path / "names.toml", "Time = \n"))
-    with pytest.raises(ValueError, match="Cannot read the mapping"):
+    with pytest.raises(
+        ValueError, match=r"Cannot read the mapping .* Give a TOML file; `look --mapping-out` writes one"
+    ):
         read_record(path, tmp_path / "none.toml")
     with pytest.raises(ValueError, match=r"one text per column, got \['time_s'\]"):
         read_record(path, {"Time": ["time_s"]})
@@ -176,7 +178,7 @@ def test_files_that_are_not_there_or_of_no_known_kind(tmp_path, log):
         read_record(tmp_path)
     with pytest.raises(ValueError, match=r"'\.xls', which is no known format"):
         read_record(write(tmp_path / "log.xls", "\0x"))
-    with pytest.raises(ValueError, match=r"no channel r_radps, which the vehicle needs; it has .*'heading_rad'"):
+    with pytest.raises(ValueError, match=r"no channel r_radps, which is needed; it has .*'heading_rad'"):
         read_record(log, required=["r_radps"])
 
 

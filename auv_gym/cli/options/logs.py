@@ -137,8 +137,11 @@ def between_depths(record: Record, shallowest: float | None, deepest: float | No
     depth = record["depth_m"]
     kept = (depth >= low) & (depth <= high)
     if not kept.any():
+        where = f"between {low:g} and {high:g} m"
+        if shallowest is None or deepest is None:
+            where = f"deeper than {low:g} m" if deepest is None else f"shallower than {high:g} m"
         raise ValueError(
-            f"The log has no sample between {low:g} and {high:g} m; its depth ranges from {np.nanmin(depth):.1f} to "
+            f"The log has no sample {where}; its depth ranges from {np.nanmin(depth):.1f} to "
             f"{np.nanmax(depth):.1f} m. Change --min-depth or --max-depth."
         )
     return record.select(kept)
