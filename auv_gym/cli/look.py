@@ -83,7 +83,7 @@ def look(
 
 def _wrong_for(vehicle: str, matches: Matches) -> Sequence[str]:
     """What is wrong with the log as one of a vehicle, where the whole log was read."""
-    record = matches.found.record
+    record = matches.record_of(vehicle)
     if record is None or matches.found.sampled is not None:
         return ()
     from auv_gym.plant.record_check import wrong_for

@@ -40,6 +40,20 @@ def test_it_ends_with_a_command_that_works(log, tmp_path, capsys):
     assert said(capsys).endswith(f"auv-gym diagnose {log} --vehicle slocum --mapping {names} --out diagnosis")
 
 
+def test_a_log_with_the_command_alone_is_judged_as_a_diagnosis_reads_it(tmp_path, capsys):
+    t = np.arange(0.0, 1200.0, 4.0)
+    columns = {"time_s": t, "heading_deg": 90.0 + 20.0 * np.sin(t / 60.0), "rudder_cmd_deg": 5.0 * np.sin(t / 30.0)}
+    path = write(tmp_path / "log.csv", columns)
+    assert main(["look", str(path), "--vehicle", "slocum"]) == 0
+    text = said(capsys)
+    assert "Looks wrong" not in text
+    assert "slocum none 2 channels" in text
+    assert text.endswith(f"Next: auv-gym diagnose {path} --vehicle slocum --out diagnosis")
+    path = write(tmp_path / "still.csv", columns | {"rudder_cmd_deg": 0.0 * t})
+    assert main(["look", str(path), "--vehicle", "slocum"]) == 0
+    assert "Nothing excites the vehicle: rudder_rad is constant at 0 (rad)" in said(capsys)
+
+
 def test_all_presets_are_compared_without_a_vehicle(log, capsys):
     assert main(["look", str(log)]) == 0
     text = said(capsys)

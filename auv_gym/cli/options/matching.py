@@ -55,9 +55,12 @@ class Matches:
         }
 
     def used(self, name: str) -> int:
-        """How many channels of the log a vehicle uses, those that are converted among them."""
-        need = self.needs[name]
-        return len(self.found.channels & {*need.required, *need.wanted}) + len(self.turned[name])
+        """How many channels of the log a vehicle uses, those that are converted or serve for others among them."""
+        from auv_gym.records.reading import command_for
+
+        need, have = self.needs[name], self.found.channels
+        serving = sum(command_for(one) in have for one in set(need.required) - have)
+        return len(have & {*need.required, *need.wanted}) + serving + len(self.turned[name])
 
     @cached_property
     def kept(self) -> set[str]:
@@ -86,6 +89,25 @@ class Matches:
         """Whether a column looks like a channel that one of the best vehicles is missing."""
         return any(found for name in self.best for found in self.offers[name].values())
 
+    def record_of(self, name: str) -> Record | None:
+        """The log as a diagnosis with a vehicle reads it: a command serves where its input was not measured."""
+        import numpy as np
+
+        from auv_gym.records.reading import command_for
+
+        record = self.found.record
+        if record is None:
+            return None
+        serving = {one: command_for(one) for one in self.needs[name].required if not record.has(one)}
+        serving = {one: command for one, command in serving.items() if record.has(command)}
+        if not serving:
+            return record
+        known = np.isfinite(record.matrix(list(serving.values()))).all(axis=1)
+        if not known.any():
+            return record
+        record = record.select(known)
+        return record.with_channels({one: record[command] for one, command in serving.items()})
+
     @property
     def fits(self) -> bool:
         """Whether the best vehicles have all that they need."""
@@ -96,20 +118,24 @@ class Matches:
         """Why a diagnosis with each of the best vehicles would refuse the log, '' where not; none where none fits."""
         if not self.fits:
             return {}
-        record = self.found.record
-        if self.found.sampled is not None or record is None:
+        if self.found.sampled is not None:
             return dict.fromkeys(self.best, "")
-        return {name: _refusal(self.plants[name], record) for name in self.best}
+        records = {name: self.record_of(name) for name in self.best}
+        return {name: _refusal(self.plants[name], record) for name, record in records.items() if record is not None}
 
     def surfacing(self, names: Sequence[str]) -> float | None:
         """The depth, m, below which a diagnosis with these vehicles should begin; None if it needs no such limit."""
         from auv_gym.plant.record_check import DEEP, surfaces
 
-        record, plants = self.found.record, [self.plants[name] for name in names]
-        if record is None or self.found.sampled is not None or not all(surfaces(plant, record) for plant in plants):
+        if self.found.sampled is not None:
             return None
-        below = logs.between_depths(record, DEEP, None)
-        return DEEP if not any(_refusal(plant, below) for plant in plants) else None
+        for name in names:
+            plant, record = self.plants[name], self.record_of(name)
+            if record is None or not surfaces(plant, record):
+                return None
+            if _refusal(plant, logs.between_depths(record, DEEP, None)):
+                return None
+        return DEEP
 
     def thrusters(self, name: str) -> int:
         """How many thrusters a vehicle has."""
