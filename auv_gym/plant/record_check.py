@@ -38,6 +38,7 @@ _TOO_SMALL = {  # what values of a unit come in instead, so that they are taken 
 _TOO_LARGE = {"rad": (np.rad2deg(1.0), "degrees in a column of radians")}  # and as this many times too large
 _USED = 0.1  # share of its range that an actuator moves through in a log, at least; less may be noise
 _RESOLVED = 1e-5  # of its range, finer than a sensor of 16 bits can tell it
+_FEEBLE = 25.0 / 400.0  # of full command; Blue Robotics' Basic ESC rests from 1475 to 1525 us, of 1100 to 1900 us
 _MOVES = 0.01  # of the distance of its ends, by which the command of a thruster goes up and down at least
 DEEP = 10.0  # m, below which waves and what a vehicle does at the surface act no more
 _AT_SURFACE, _SURFACED = 2.0, 3  # m; samples above it, of a vehicle that comes up
@@ -247,6 +248,12 @@ def command_remarks(plant: Plant, record: Record) -> list[str]:
             f"{_listed([row.name for row in still])} {'do' if many else 'does'} not move. This log shows nothing "
             f"about {'their' if many else 'its'} gain, dead zone, lag, place or direction."
         )
+    strongest = max(row.strongest for row in rows)
+    if 0.0 < strongest <= _FEEBLE:
+        lines.append(
+            f"No thruster is commanded more than {100.0 * strongest:.2g} % of its full thrust, which may be within its "
+            "dead zone. Such a log shows little of a vehicle: use one in which it moves."
+        )
     ending = rows[0].name.rpartition("_")[2]
     extra = [n for n in record.names if re.fullmatch(rf"[a-z]+\d+_{ending}", n) and n not in plant.inputs]
     if extra:
@@ -290,6 +297,13 @@ class _Commands:
         low, _, high = self.ends
         slack = _TOLERANCE * (high - low)
         return (self.values < low - slack) | (self.values > high + slack)
+
+    @property
+    def strongest(self) -> float:
+        """The command that is furthest from rest, as a share of that of full thrust."""
+        low, idle, high = self.ends
+        shares = (self.values - idle) / np.where(self.values < idle, idle - low, high - idle)
+        return float(np.abs(shares).max(initial=0.0))
 
     @property
     def still(self) -> bool:

@@ -58,8 +58,8 @@ def format_of(path: Path) -> Format:
     if of_ending:
         names = " or ".join(dict.fromkeys(found.name for found in of_ending))
         raise ValueError(
-            f"{path} ends in {ending!r}, but is not {names} by its content: it begins with {_shown(head)}. Check its "
-            "ending, or copy or export it again."
+            f"{path} ends in {ending!r} ({names}), but its content is something else: it begins with {_shown(head)}. "
+            "Check its ending, or copy or export it again."
         )
     raise ValueError(
         f"{path} ends in {ending!r}, which is no known format. Save it as CSV, or give one of these: "

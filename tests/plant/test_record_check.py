@@ -4,7 +4,16 @@ import pytest
 from auv_gym.model import elapsed_over_gaps, inputs_of
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
-from auv_gym.plant.record_check import FEW, check_excitation, check_ranges, described, needs_of, refusal, wrong_for
+from auv_gym.plant.record_check import (
+    FEW,
+    check_excitation,
+    check_ranges,
+    command_remarks,
+    described,
+    needs_of,
+    refusal,
+    wrong_for,
+)
 from auv_gym.records.gliding import glide_attack
 from auv_gym.records.reading import Needs, read_record
 from auv_gym.records.record import Record, concat
@@ -222,3 +231,11 @@ def test_wild_readings_that_are_left_out_restart_nothing_and_join_no_dives():
     kept = described(FLOAT, _record(segment=np.where(TIME < 300.0, "one", "two"), depth_m=depth))
     begun = np.where(kept.time < 300.0, 0.0, TIME[TIME >= 300.0][0])
     assert np.array_equal(kept["elapsed_s"], kept.time - begun)
+
+
+@pytest.mark.parametrize("push, said", [(0.025, 1), (0.25, 0), (0.0, 0)])
+def test_thrusters_that_stay_in_their_dead_zone_are_remarked(push, said):
+    time = np.arange(100.0)
+    shares = {f"t{k}_share": push * np.sign(np.sin(k * time + 0.1)) for k in range(1, 9)}
+    lines = command_remarks(load_vehicle("bluerov2_heavy"), Record.from_arrays(time, shares))
+    assert sum("No thruster is commanded more than 2.5 % of its full thrust" in line for line in lines) == said

@@ -179,7 +179,7 @@ def test_nothing_zeros_and_a_folder(ending, put, tried):
 @pytest.mark.parametrize("ending", sorted(set(ENDINGS) - {".csv", ".txt", ".tsv", ".dat", ".asc"}))
 def test_text_under_the_ending_of_another_format(ending, put, tried):
     for outcome in tried(put(b"Notes of the day:\nthe vehicle was lost, and then found.\n" * 40, ending)):
-        assert says(outcome, "but is not .* by its content: it begins with 'Notes of the day'?.* Check its ending")
+        assert says(outcome, "but its content is something else: it begins with 'Notes of the day'?.* Check its ending")
 
 
 @pytest.mark.parametrize("name", MAKERS)

@@ -64,7 +64,9 @@ def test_the_content_tells_the_format_whatever_a_file_is_called(tmp_path):
     assert format_of(bag).name == "ROS 1 bag"
     table = tmp_path / "log.bag"
     table.write_text("time_s,depth_m\n0,1\n1,2\n")
-    with pytest.raises(ValueError, match=r"ends in '\.bag', but is not ROS 1 bag by its content: it begins with 'time"):
+    with pytest.raises(
+        ValueError, match=r"ends in '\.bag' \(ROS 1 bag\), but its content is something else: it begins with 'time"
+    ):
         format_of(table)
     zeros = tmp_path / "log.mcap"
     zeros.write_bytes(bytes(5000))

@@ -138,7 +138,7 @@ def test_a_mapping_renames_converts_and_leaves_out(tmp_path):
         ("time_s,depth_ft\n0,1\n1,2\n", "depth_ft: left out, since its unit is not known"),
         ("time_s,heading\n0,1\n1,2\n", "heading: left out, since its unit is not known"),
         ("run,time_s,depth_m\n1,0,1\n,1,2\n1,2,3\n", "`segment` has no label at row 2"),
-        ("time_s,depth_m\n0,1\n1,\n2,3\n\0", "is not CSV .* by its content"),
+        ("time_s,depth_m\n0,1\n1,\n2,3\n\0", "(CSV .*), but its content is something else: it begins"),
         ("time_s,depth_m\n" + "0,1\n" * 2000 + "\0", "has binary parts"),
     ],
 )
@@ -251,7 +251,8 @@ def test_damaged_binaries_are_refused(tmp_path, log):
                 read_record(cut)
     (tmp_path / "text.nc").write_text("time_s,depth_m\n")
     with pytest.raises(
-        ValueError, match="not NetCDF or Seaglider NetCDF by its content: it begins with 'time_s,depth_m'"
+        ValueError,
+        match=r"\(NetCDF or Seaglider NetCDF\), but its content is something else: it begins with 'time_s,depth_m'",
     ):
         read_record(tmp_path / "text.nc")
     (tmp_path / "new.mat").write_bytes(b"MATLAB 7.3 MAT-file" + bytes(600))
