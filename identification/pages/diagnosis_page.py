@@ -104,8 +104,8 @@ PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
         diagnosis_figures.input_correlation_figure,
         "Correlation of the residual of {left} with each input at positive and negative lags.",
         "Correlation of the residual of {left} with the inputs. A clear peak right of zero points to a response to it "
-        "that the model does not have. A peak left of zero is due to feedback, which moves {input} after an error of "
-        "{first}.",
+        "that the model does not have. A peak left of zero is due to feedback, which moves the {input} after an error "
+        "of {first}.",
     ),
     (
         "correlate",

@@ -34,6 +34,7 @@ STYLE: dict[Any, Any] = {
     "axes.labelsize": 9.0,
     "axes.edgecolor": "#aab5bf",
     "axes.linewidth": 0.8,
+    "axes.formatter.useoffset": False,
     "axes.grid": True,
     "axes.axisbelow": True,
     "axes.spines.top": False,

@@ -147,5 +147,8 @@ def _cards(
         models = [of for r in rollouts[kind] for name, of in r["models"].items() if name in names]
         errors = [s["percent"] for of in models for s in of["scores"].values()]
         if errors:
-            return [*cards, (f"models in {words}", percent(median(errors)), "of the step off (rms, median)")]
+            return [
+                *cards,
+                (f"models in {words}", percent(median(errors)), "RMS error, in percent of the step; median"),
+            ]
     return cards

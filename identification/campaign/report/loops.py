@@ -34,8 +34,8 @@ MOST_COMPLAINTS = 8
 _WORDS = {"open": "Open loop", "closed": "Closed loop"}
 _TEXTS = {
     "open": "Each model got the inputs that the vehicle got, and ran free from the first samples on.",
-    "closed": "Each model stood in the vehicle's place in the same environment, steered by the same controller with "
-    "the same set points and seed. Its errors come back to it through the controller, which may hide or amplify them.",
+    "closed": "Each model replaced the vehicle in the same environment, under the same controller with the same set "
+    "points and seed. The controller reacts to the model's errors, and may hide or amplify them.",
 }
 _GROWTH = {
     "open": "In open loop they may grow; a flat line is a model that stays beside the vehicle.",
@@ -80,7 +80,7 @@ def _heading(kind: str, told: Sequence[Mapping[str, Any]], models: Sequence[str]
     for name, of in scores.items():
         value, wide = spread([s["rmse"] for s in of], name)
         parts.append(f"{value}{f' ({wide})' if wide else ''} in {channel(name).label}")
-    return f"{_WORDS[kind]}: {model} is off by {listed(parts, 'and')} (rms){rest}"
+    return f"{_WORDS[kind]}: {model} is off by {listed(parts, 'and')} (RMS){rest}"
 
 
 def _table(told: Sequence[Mapping[str, Any]], models: Sequence[str], names: Sequence[str]) -> Table | None:
@@ -109,8 +109,8 @@ def _table(told: Sequence[Mapping[str, Any]], models: Sequence[str], names: Sequ
         return None
     heads = ["model", *(["setting"] if apart else []), "output", "runs"]
     heads += ["RMS error", "largest error", "RMS error, of the step", "step"]
-    caption = "Model less vehicle" + (", as far as the model went" if marked else "")
-    caption += ": median over the runs, and below it the range." if table_has_ranges(lines) else "."
+    caption = "Error: model minus vehicle" + (", as far as the model went" if marked else "")
+    caption += "; median over the runs, and below it the range." if table_has_ranges(lines) else "."
     return Table(heads, lines, 3 if apart else 2, caption, marked)
 
 

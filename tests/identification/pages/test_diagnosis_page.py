@@ -29,6 +29,7 @@ from identification.fit.noises import Noise
 from identification.fit.validation import FreeRuns
 from identification.pages import diagnosis_figures as figures
 from identification.pages.diagnosis_page import MEANINGS, amount, diagnosis_page, number, span
+from identification.pages.drawing import new_figure, svg
 from tests.identification.outline import Outline
 
 pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
@@ -450,3 +451,14 @@ def console_messages(page: str, folder: Path) -> list[str]:
         capture_output=True, text=True, timeout=120, check=True,
     )  # fmt: skip
     return [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+
+
+def test_axes_write_whole_numbers_instead_of_an_offset():
+    def draw():
+        figure = new_figure(2.0)
+        figure.add_subplot().plot([1027.66, 1027.78], [0.0, 1.0])
+        return figure
+
+    drawn = svg(draw, "density", "water density")
+    assert "1027.7" in drawn
+    assert "e3" not in re.sub(r'(id|clip-path|href|d)="[^"]*"', "", drawn)
