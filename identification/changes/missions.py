@@ -148,8 +148,8 @@ def compare_missions(
 def _attributed(
     known: Known, candidates: Sequence[Candidate], most: int, progress: Progress, sought: Collection[str] = ()
 ) -> tuple[Known, State, list[Round]]:
-    """Forward selection beside the noises, and in the steps of integration, that suit what it finds; what is known
-    in these, state, rounds.
+    """Forward selection beside the noises, and in the steps and rows, that suit what it finds; what is known in these,
+    state, rounds.
 
     sought: paths that are fitted to the end whatever they promise.
     """
@@ -166,7 +166,10 @@ def _attributed(
     again = known.beside_noises(
         state, lambda noisier: _attributed(noisier, candidates, most, progress, chosen), len(candidates)
     )
-    return again or (known, state, rounds)
+    if again is not None:
+        return again
+    suited = known.suited_to(state)
+    return (known, state, rounds) if suited is known else _attributed(suited, candidates, most, progress, sought)
 
 
 def coefficients_first(

@@ -18,8 +18,8 @@ from identification.fit.intervals import information_of, interval_of
 from identification.fit.noises import Noise
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.sensitivities import NOTHING
-from identification.fit.steps import brisk, suited
-from identification.fit.strides import stride_for
+from identification.fit.steps import brisk, in_steps, suited
+from identification.fit.strides import in_suited_rows, stride_for
 from identification.fit.validation import fitted_runs
 from identification.fit.windows import free_run_windows
 
@@ -123,6 +123,10 @@ class GreyBox:
             )
         problem = brisk(given)
         point = self._likeliest(problem)
+        shorter = in_suited_rows(problem, point, paths)
+        if shorter is not problem:
+            given, problem = in_steps(shorter, given.plant.longest_step), shorter
+            point = self._likeliest(problem)
         better = suited(given, problem, point)
         if better is not problem:
             problem, point = better, self._likeliest(better)

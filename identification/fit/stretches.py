@@ -66,6 +66,8 @@ class Stretches(Parameters):
     ):
         super().__init__(plant, doubt)
         self.record, self.process = record, process
+        self._windows, self._counted = tuple(windows), counted
+        self._added: tuple[tuple[Sequence[int], Sequence[int], float], ...] = ()
         family = plant.family
         windows = sorted(windows, key=lambda w: w.start)
         stretches = _joined(windows, record) if process and not family.stepped else list(windows)
@@ -208,6 +210,23 @@ class Stretches(Parameters):
         other.first_path = np.hstack([self.first_path, none])
         for name in ("_first_system", "_kept"):  # of fewer noises
             other.__dict__.pop(name, None)
+        other._added = (*self._added, (velocities, readings, period))
+        return other
+
+    def in_rows_of(self, stride: int) -> Self:
+        """The same with so many samples to a row, and with the noises that were added."""
+        other = type(self)(
+            self.plant,
+            self.record,
+            self._windows,
+            doubt=self.doubt,
+            process=self.process,
+            counted=self._counted,
+            stride=stride,
+            guess=self.guess,
+        )
+        for added in self._added:
+            other = other.with_noises(*added)
         return other
 
     @property

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from auv_gym.plant import Chart, Plant
 from auv_gym.records.record import Record
+from identification.deciding import SURE
 from identification.fit.followed import Point
 from identification.fit.parameters import STEP, kinked
 from identification.fit.prediction_errors import PredictionErrors
@@ -28,6 +30,7 @@ _JUDGED, _PIECES = 1500, 6  # samples by which strides are judged, and the piece
 _ABOUT_CORNERS = 1.0  # scales over which slopes are taken where an effect has a corner: a smaller one does nothing
 _SEEN = 1e-4  # share of a parameter's slopes that must remain beside the others' for it to count
 _NOTHING = 1e-12  # of squared slopes, below which they are rounding
+MOST_MISLED = 0.5  # standard errors by which averages may mislead a fit
 
 
 def stride_for(
@@ -85,6 +88,51 @@ def stride_for(
         return bool(np.all(lost <= most * told))
 
     return _longest(sorted(tried), loses_little, least)
+
+
+def in_suited_rows(problem: PredictionErrors, point: Point, paths: Sequence[str]) -> PredictionErrors:
+    """The problem in the longest rows, of its own or half as long and so on, that do not mislead the fit of a point.
+
+    A controller knows each reading at once.  Where its commands answer readings of the row that they are in, they tell
+    of the vehicle what the filter, which has seen none of that row, does not know, and the errors of prediction are no
+    longer independent of them: a fit is then biased (Forssell and Ljung 1999), the more the longer the rows are.
+    Rows of single readings, or the shortest that a long record allows, must lead to the same parameters but for what
+    longer ones lose of what readings tell (Hausman 1978, Econometrica 46).
+    Rows mislead if they surely move a parameter by more than `MOST_MISLED` standard errors.
+    """
+    least = _least(len(problem.rows) * problem.stride, _STRIDES)
+    if problem.stride <= least or not paths:
+        return problem
+    finest = problem.in_rows_of(least)
+    known = _next_step(finest, point, paths)
+    while problem.stride > least and _misled(_next_step(problem, point, paths), known):
+        problem = problem.in_rows_of(max(problem.stride // 2, least))
+    return problem
+
+
+def _misled(told: tuple[np.ndarray, np.ndarray] | None, known: tuple[np.ndarray, np.ndarray] | None) -> bool:
+    """Whether a step of a fit leads elsewhere than that of shorter rows, see `_next_step`; not where there is none."""
+    if told is None or known is None or told[0].shape != known[0].shape:
+        return False
+    (step, variance), (other, less) = told, known
+    chance = np.sqrt(np.maximum(variance - less, 0.0))
+    return bool(np.any(np.abs(other - step) > MOST_MISLED * np.sqrt(variance) + SURE * chance))
+
+
+def _next_step(problem: PredictionErrors, point: Point, paths: Sequence[str]) -> tuple[np.ndarray, np.ndarray] | None:
+    """By how much a point's paths would move in a step of a fit, the noises held, and their variances, in scales.
+
+    point: perhaps of other rows.  None where it has noises that the problem has not, or the filter runs away.
+    """
+    if point.logs.shape != problem.first_noise().shape:
+        return None
+    here = problem.point(point.vector, point.logs, replace(point, system=None))  # with responses of its own rows
+    if not np.isfinite(here.scores).all():
+        return None
+    slopes = problem.without_starts(here, problem.counted_slopes(here, paths))
+    pulled, rates = problem.pulls(here.vector, paths)
+    inverse = np.linalg.pinv(slopes @ slopes.T + np.diag(rates**2), rcond=1e-12, hermitian=True)
+    return inverse @ (slopes @ problem.counted_errors(here).ravel() - rates * pulled), np.diag(inverse)
 
 
 def _least(samples: int, tried: Sequence[int]) -> int:

@@ -18,15 +18,18 @@ def with_further_noises(
     The same bench, and the states as they are, where none is likelier.  waves_alone: see `further_noises`.
     """
     first, *others = states
-    for one in further_noises(bench.problem, first.plant, first.paths, first.point, waves_alone):
+    found = further_noises(bench.problem, first.plant, first.paths, first.point, waves_alone)
+    if not found:
+        return bench, list(states)
+    for one in found:
         bench = bench.with_noises(*one.added)
-        plant = bench.problem.plant_at(one.point, first.paths) if first.paths else first.plant
-        first = State(plant, first.paths, one.point)
-        others = side_by_side(partial(_fitted, bench), others)
-    return bench, [first, *others]
+        others = side_by_side(partial(_begun, bench), others)
+    point = found[-1].point
+    plant = bench.problem.plant_at(point, first.paths) if first.paths else first.plant
+    others = side_by_side(lambda state: bench.fit(state.plant, state.paths, state), others)
+    return bench, [State(plant, first.paths, point), *others]
 
 
-def _fitted(bench: Workbench, state: State) -> State:
-    """A state of the bench without its last noises, fitted with them."""
-    point = begun_beside(bench.problem, state.point, state.paths)
-    return bench.fit(state.plant, state.paths, State(state.plant, state.paths, point))
+def _begun(bench: Workbench, state: State) -> State:
+    """A state of the bench without its last noises, with noises that suit it, all else held."""
+    return State(state.plant, state.paths, begun_beside(bench.problem, state.point, state.paths))

@@ -169,7 +169,7 @@ def _reconsidered(log: CheckedLog, chosen: _Chosen, progress: Progress) -> Searc
     if state is nominal and left and not what_is_left(bench, given):
         state = nominal = given  # what the errors refute is the refit, not the vehicle
         left = what_is_left(bench, given)
-    suited = known.in_suited_steps(state)
+    suited = known.suited_to(state)
     if suited is not known:
         return suited
     return Searched(known, candidates, kinematics, nominal, state, tuple(rounds), left)

@@ -23,8 +23,8 @@ from identification.fit.followed import Point
 from identification.fit.intervals import ByPart, Information, information_of, interval_of, told_by_part
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.sensitivities import LEAST_GAIN
-from identification.fit.steps import brisk, suited
-from identification.fit.strides import stride_for
+from identification.fit.steps import brisk, in_steps, suited
+from identification.fit.strides import in_suited_rows, stride_for
 from identification.fit.validation import free_runs
 
 T = TypeVar("T")
@@ -83,11 +83,11 @@ class Workbench:
         self._as_stepped = PredictionErrors(plant, record, pieces, doubt=doubt, stride=stride)
         self.problem = brisk(self._as_stepped)
         self.plant = self.problem.plant
-        self.block_of_row = block_numbers(record, self.problem.stretches, BLOCKS)[:: self.problem.stride]
         self._begin()
 
     def _begin(self) -> None:
         """Start to count the work, with nothing known of any state."""
+        self.block_of_row = block_numbers(self.record, self.problem.stretches, BLOCKS)[:: self.problem.stride]
         self._most, self.unfinished = self.problem.work.done + MOST_WORK, list[str]()
         self._known: WeakKeyDictionary[State, dict[Hashable, Any]] = WeakKeyDictionary()
 
@@ -108,6 +108,16 @@ class Workbench:
         other._begin()
         return other
 
+    def in_suited_rows(self, state: State) -> Workbench:
+        """A bench with readings averaged over less time if averages mislead the fit of a state, else itself."""
+        problem = in_suited_rows(self.problem, state.point, state.paths)
+        if problem is self.problem:
+            return self
+        other = copy(self)
+        other.problem, other._as_stepped = problem, in_steps(problem, self._as_stepped.plant.longest_step)
+        other._begin()
+        return other
+
     def with_noises(self, velocities: Sequence[int], readings: Sequence[int], period: float) -> Workbench:
         """A bench with more noises, see `identification.fit.stretches.Stretches.with_noises`."""
         other, added = copy(self), (velocities, readings, period)
@@ -116,9 +126,10 @@ class Workbench:
         return other
 
     def taken_over(self, state: State) -> State:
-        """A state of a bench in other steps, fitted in those of this one."""
+        """A state of a bench in other steps or rows, fitted in those of this one."""
         plant = replace(state.plant, longest_step=self.plant.longest_step)
-        point = self.problem.point(plant.vector, state.point.logs, state.point)
+        near = replace(state.point, system=None)  # with responses of its own rows
+        point = self.problem.point(plant.vector, state.point.logs, near)
         return self.fit(plant, state.paths, State(plant, state.paths, point))
 
     def goes_on(self, step: str) -> bool:
