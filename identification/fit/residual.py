@@ -14,13 +14,17 @@ from identification.fit.validation import FreeRuns, whiteness
 def noise_floor(residual: np.ndarray, window: np.ndarray) -> float:
     """Standard deviation of the white part of a residual, from its second differences within windows.
 
-    A smooth misfit drops out of second differences; white noise of variance s^2 gives them 6 s^2.
+    A smooth misfit drops out of second differences; white noise of variance s^2 gives them 6 s^2.  Where no window
+    holds three values, as of a slow sensor, those across windows must do.
     """
     e = np.asarray(residual)
     same = (window[2:] == window[1:-1]) & (window[1:-1] == window[:-2])
-    second = (e[2:] - 2.0 * e[1:-1] + e[:-2])[same]
-    second = second[np.isfinite(second)]
-    return max(float(np.sqrt(np.mean(second**2) / 6.0)), 1e-9) if second.size else 1e-9
+    second = e[2:] - 2.0 * e[1:-1] + e[:-2]
+    for some in (second[same], second):
+        known = some[np.isfinite(some)]
+        if known.size:
+            return max(float(np.sqrt(np.mean(known**2) / 6.0)), 1e-9)
+    return 1e-9
 
 
 def noise_floors(values: np.ndarray, window: np.ndarray, readings: np.ndarray | None) -> np.ndarray:
@@ -47,14 +51,14 @@ def residual_summary(runs: FreeRuns, record: Record) -> dict[str, dict[str, Any]
     """Per channel: size, noise floor, resolution, colour, and the channels that the residual's rate goes with."""
     result, floors = {}, noise_floors(runs.residual, runs.window, runs.readings).tolist()
     for c, name in enumerate(runs.channels):
-        e = runs.residual[:, c]
-        keep = np.isfinite(e)
-        rate = np.gradient(e)
-        edge = np.r_[True, runs.window[1:] != runs.window[:-1]] | np.r_[runs.window[1:] != runs.window[:-1], True]
-        inner = keep & ~edge
+        held = runs.held(c)
+        e, window, rows = runs.residual[held, c], runs.window[held], runs.rows[held]
+        rate = np.gradient(e) if e.size > 1 else np.zeros(e.size)
+        turns = window[1:] != window[:-1]
+        inner = ~(np.r_[True, turns] | np.r_[turns, True])[: e.size]
         goes_with = {}
         for other in record.names:
-            signal = record[other][runs.rows][inner]
+            signal = record[other][rows][inner]
             signals = {f"sin({other})": np.sin(signal), f"cos({other})": np.cos(signal)}
             if not (channel(other).angle and np.ptp(signal) > np.pi):
                 signals = {other: signal}
@@ -62,11 +66,11 @@ def residual_summary(runs: FreeRuns, record: Record) -> dict[str, dict[str, Any]
                 if np.std(values) > 0.0 and np.std(rate[inner]) > 0.0:
                     goes_with[label] = float(np.corrcoef(values, rate[inner])[0, 1])
         strongest = dict(sorted(goes_with.items(), key=lambda item: -abs(item[1]))[:4])
-        white = whiteness(e, runs.window)
+        white = whiteness(e, window)
         result[name] = {
-            "rms": float(np.sqrt(np.nanmean(e**2))),
+            "rms": float(np.sqrt(np.mean(e**2))),
             "noise_floor": floors[c],
-            "resolution": resolution(record[name]),
+            "resolution": resolution(record[name][record.readings(name)]),
             "lag_1_correlation": float(white.correlation[0]),
             "whiteness_p": white.p_value,
             "rate_correlates_with": strongest,

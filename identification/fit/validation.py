@@ -60,11 +60,16 @@ class FreeRuns:
         turned = self.signals is not None and name in ANGLES
         return _TURNS[ANGLES.index(name)] if turned else channel(name).label
 
+    def held(self, number: int) -> np.ndarray:
+        """Which rows hold a reading of a channel, (rows,): values between readings err less than readings do."""
+        read = np.isfinite(self.residual[:, number])
+        return read if self.readings is None else read & self.readings[:, number]
+
     def scores(self, record: Record) -> dict[str, Score]:
-        """A score for each channel, over the scored rows."""
+        """A score for each channel, over the readings in scored rows."""
         result = {}
         for c, name in enumerate(self.channels):
-            keep = self.scored & np.isfinite(self.residual[:, c])
+            keep = self.scored & self.held(c)
             told = record[name][self.rows] if self.signals is None else self.signals[:, c]
             result[name] = score(told[keep], self.residual[keep, c])
         return result

@@ -62,7 +62,9 @@ def slipped(record: Record, slip: Slip, plant: Plant) -> Record:
     )
     wrong = undone(record, undoing, plant)
     segments = wrong.dataset["segment"].values
-    return Record.from_arrays(wrong.time, {name: wrong[name] for name in wrong.names}, segments)
+    read = {name: wrong.readings(name) for name in wrong.names}
+    found = Record.from_arrays(wrong.time, {name: wrong[name] for name in wrong.names}, segments)
+    return found.with_readings({name: held for name, held in read.items() if not held.all()})
 
 
 def right(found: dict[str, Any]) -> bool:

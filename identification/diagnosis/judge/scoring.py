@@ -74,7 +74,11 @@ class Scoring:
         joined = joined_runs(runs)
         every = free_runs(plant, log.record, log.every_window, log.settle)
         fitted = fitted_runs(plant, log.record, log.every_window)
-        white = {n: whiteness(fitted.residual[:, c], fitted.window) for c, n in enumerate(fitted.channels)}
+        white = {
+            name: whiteness(fitted.residual[held, c], fitted.window[held])
+            for c, name in enumerate(fitted.channels)
+            for held in [fitted.held(c)]
+        }
         own = replace(plant, longest_step=log.plant.longest_step)
         return Stage(own, joined, every, fitted, joined.scores(log.record), white, tuple(flown))
 

@@ -239,9 +239,11 @@ def _match(record: Record, plant: Plant, paths: Sequence[str] = (), iterations: 
     for c, name in enumerate(problem.channels):
         if problem.counts[c] == 0:
             continue
-        error = float(np.nanmean(point.residual[:, c] ** 2)) if known else np.inf
-        match.add(name, problem.signals[:, c], error, problem.window_of_row)
-        match.noise[name] = error / noise_floor(point.residual[:, c], problem.window_of_row) ** 2
+        held, window = record.readings(name), problem.window_of_row  # values between readings are not as noisy as these
+        residual = point.residual[held, c]
+        error = float(np.nanmean(residual**2)) if known else np.inf
+        match.add(name, problem.signals[held, c], error, window[held])
+        match.noise[name] = error / noise_floor(residual, window[held]) ** 2
     if "depth_m" not in plant.outputs:
         _sink(match, record, problem.window_of_row)
     return match
@@ -371,11 +373,11 @@ def _glance(record: Record, plant: Plant, stray: Sequence[str]) -> Match:
     window = np.repeat(np.arange(len(record.segments)), [s.stop - s.start for s in record.segments])
     match = Match(plant)
     for c, name in enumerate(plant.outputs):
-        if record.has(name) and np.isfinite(signals[:, c]).any():
-            parts = [residual[s, c] for s in record.segments]
-            still = name in stray
+        if record.has(name) and np.isfinite(signals[record.readings(name), c]).any():
+            held, still = record.readings(name), name in stray
+            parts = [e for s in record.segments if (e := residual[s, c][held[s]]).size]
             error = float(np.mean([np.nanmean(e**2) if still else np.nanvar(e) for e in parts]))
-            match.add(name, signals[:, c], error, window)
+            match.add(name, signals[held, c], error, window[held])
     if "depth_m" not in plant.outputs:
         _sink(match, record, window)
     return match

@@ -361,6 +361,5 @@ class Workbench:
                 runs = free_runs(plant, self.record, self.windows, plant.settle if settle is None else settle)
         except Diverged:
             return None
-        squares = runs.residual[runs.scored] ** 2
-        mean = np.nansum(squares, axis=0) / np.maximum(np.isfinite(squares).sum(axis=0), 1)
-        return np.maximum(np.sqrt(mean), 1e-12)
+        squares = [runs.residual[runs.scored & runs.held(c), c] ** 2 for c in range(len(runs.channels))]
+        return np.maximum([np.sqrt(s.sum() / max(s.size, 1)) for s in squares], 1e-12)

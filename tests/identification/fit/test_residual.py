@@ -1,7 +1,13 @@
+"""Noise floors, steps of readings, and what is said of a residual."""
+
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from identification.fit.residual import noise_floor, resolution
+from auv_gym.records.record import Record
+from identification.fit.residual import noise_floor, residual_summary, resolution
+from identification.fit.validation import FreeRuns
 
 
 def test_the_step_of_readings_is_found_on_a_grid_with_an_offset():
@@ -23,3 +29,26 @@ def test_a_smooth_misfit_is_not_noise():
     time = np.arange(3000) / 3000.0
     noise = 0.1 * np.random.default_rng(2).standard_normal(3000)
     assert noise_floor(noise + 5.0 * np.sin(6.0 * time), np.zeros(3000, dtype=int)) == pytest.approx(0.1, rel=0.05)
+
+
+def test_a_sensor_that_is_slower_than_its_windows_has_a_noise_all_the_same():
+    values = 0.1 * np.random.default_rng(3).standard_normal(2000)
+    assert noise_floor(values, np.arange(2000) // 2) == pytest.approx(0.1, rel=0.05)
+
+
+def test_values_between_readings_are_no_readings():
+    """A speed that is read every other row: white noise at its readings, half as much between them."""
+    rows, rng = np.arange(2000), np.random.default_rng(4)
+    read, white = rows % 2 == 0, np.round(0.1 * rng.standard_normal(2000) / 0.05) * 0.05
+    error = np.interp(rows, rows[read], white[read])
+    record = Record.from_arrays(0.1 * rows, {"u_mps": error, "depth_m": np.sin(rows / 50.0)})
+    record = record.with_readings({"u_mps": read})
+    table = error[:, None]
+    runs = FreeRuns(("u_mps",), rows, rows // 500, table, table, rows >= 0, read[:, None])
+    (found,) = residual_summary(runs, record).values()
+    assert found["rms"] == pytest.approx(found["noise_floor"], rel=0.05)
+    assert found["whiteness_p"] > 0.01
+    assert found["resolution"] == pytest.approx(0.05)
+    assert runs.scores(record)["u_mps"].rmse == pytest.approx(found["rms"])
+    every = residual_summary(replace(runs, readings=None), record)["u_mps"]
+    assert every["lag_1_correlation"] > 0.4

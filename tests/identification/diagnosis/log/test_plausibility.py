@@ -299,3 +299,20 @@ def test_a_thruster_turned_round_is_named_where_the_vehicle_drifts_astern():
     slip = next(thruster_slips(record, plant))
     (doubt,) = doubts(slipped(record, slip, plant), plant)
     assert doubt.text == slip.text
+
+
+@pytest.mark.parametrize(
+    "text", ["u_dvl_mps, v_dvl_mps and w_dvl_mps look like knots, not", "rudder_rad and stern_plane"]
+)
+def test_slips_are_noticed_beside_sensors_slower_than_the_log(logs, text):
+    """Values between readings are less noisy than these, and would make the sensors look more exact than they are."""
+    plant, record = logs["vt690"]
+    slow = [n for n in record.names if n.endswith("mps") and not n.endswith("cmd_mps")] + ["north_m", "east_m"]
+    read = np.arange(len(record)) % 3 == 0
+    values = {name: np.interp(record.time, record.time[read], record[name][read]) for name in slow}
+    thinned = record.with_channels(values).with_readings(dict.fromkeys(slow, read))
+    assert doubts(thinned, plant) == ()
+    wrong = slipped(thinned, slip_called(thinned, plant, text), plant)
+    (doubt,) = doubts(wrong, plant)
+    assert doubt.text.startswith(text)
+    assert doubt.firm
