@@ -100,14 +100,19 @@ def in_suited_rows(problem: PredictionErrors, point: Point, paths: Sequence[str]
     longer ones lose of what readings tell (Hausman 1978, Econometrica 46).
     Rows mislead if they surely move a parameter by more than `MOST_MISLED` standard errors.
     """
-    least = _least(len(problem.rows) * problem.stride, _STRIDES)
-    if problem.stride <= least or not paths:
+    finest = in_shortest_rows(problem)
+    if finest is problem or not paths:
         return problem
-    finest = problem.in_rows_of(least)
     known = _next_step(finest, point, paths)
-    while problem.stride > least and _misled(_next_step(problem, point, paths), known):
-        problem = problem.in_rows_of(max(problem.stride // 2, least))
+    while problem.stride > finest.stride and _misled(_next_step(problem, point, paths), known):
+        problem = problem.in_rows_of(max(problem.stride // 2, finest.stride))
     return problem
+
+
+def in_shortest_rows(problem: PredictionErrors) -> PredictionErrors:
+    """The problem in rows of single readings, or in the shortest that a long record allows."""
+    least = _least(len(problem.rows) * problem.stride, _STRIDES)
+    return problem.in_rows_of(least) if problem.stride > least else problem
 
 
 def _misled(told: tuple[np.ndarray, np.ndarray] | None, known: tuple[np.ndarray, np.ndarray] | None) -> bool:

@@ -296,8 +296,14 @@ def _facts(d: Diagnosis) -> list[tuple[str, str, str]]:
         (str(sum(len(part) for part in d.windows)), "windows", f"free runs, in {_parts(d)} of the log"),
     ]
     if d.added:
-        facts.append((_explained(d), "explained", "of the squared error of free runs above the sensors' noise"))
+        rest = "; random accelerations make the rest" if _only_pushed(d) else ""
+        facts.append((_explained(d), "explained", f"of the squared error of free runs above the sensors' noise{rest}"))
     return facts
+
+
+def _only_pushed(d: Diagnosis) -> bool:
+    """Whether all that effects leave is random accelerations."""
+    return _all_explained(d) and d.noise is not None and bool(d.noise.process)
 
 
 def _explained(d: Diagnosis) -> str:

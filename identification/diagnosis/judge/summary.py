@@ -355,10 +355,10 @@ def _error_sentence(d: Result) -> str:
     given = [
         f"{d.given.unseen.label(name)} {quantity(d.given.scores[name].rmse, channel(name).unit)}" for name in worse
     ]
-    return (
-        f"{told} As given, the model errs less: {'; '.join(given)}. A refit makes the next reading likely, which may "
-        "worsen free runs if an effect is missing."
-    )
+    why = "Free runs do not know the random accelerations, and may come out worse by chance."
+    if d.unexplained or d.left or d.noise is None or not d.noise.process:
+        why = "A refit makes the next reading likely, which may worsen free runs if an effect is missing."
+    return f"{told} As given, the model errs less: {'; '.join(given)}. {why}"
 
 
 def noise_sentence(d: Result) -> str:

@@ -164,9 +164,10 @@ def _checked_windows(record: Record, plant: Plant, window: float, settle: float)
     windows = free_run_windows(plant, record, window)
     if len(windows) < LEAST_WINDOWS:
         longest = max(float(np.ptp(record.time[s])) for s in record.segments)
+        shorter = f", or of {_SHORTER[-1] * window:g} s in a short log" if window == plant.window else ""
         raise ValueError(
-            f"A diagnosis needs at least {LEAST_WINDOWS} windows of {window:g} s without a gap, got {len(windows)} "
-            f"(longest stretch {longest:.0f} s, samples {record.sample_interval:g} s apart): "
+            f"A diagnosis needs at least {LEAST_WINDOWS} windows of {window:g} s{shorter}, without a gap; "
+            f"got {len(windows)} (longest stretch {longest:.0f} s, samples {record.sample_interval:g} s apart): "
             + (
                 "choose longer windows, and check that times are in seconds."
                 if window < 2.0 * record.sample_interval
@@ -176,8 +177,8 @@ def _checked_windows(record: Record, plant: Plant, window: float, settle: float)
     shortest = min(w.stop - w.start for w in windows)
     if shortest < LEAST_SAMPLES:
         raise ValueError(
-            f"A window of {window:g} s holds only {shortest} samples; at least {LEAST_SAMPLES} are needed: "
-            "choose longer windows."
+            f"Samples are {record.sample_interval:g} s apart, so that a window of {window:g} s holds only {shortest}; "
+            f"at least {LEAST_SAMPLES} are needed: check that times are in seconds, or choose longer windows."
         )
     return windows
 

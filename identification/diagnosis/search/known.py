@@ -39,7 +39,7 @@ class Known:
 
     def in_suited_steps(self, state: State) -> Known:
         """The same fits in shorter steps of integration if the present ones move the filter of a state, else these."""
-        return self._on(self.bench.in_suited_steps(state))
+        return self.on(self.bench.in_suited_steps(state))
 
     def suited_to(self, state: State) -> Known:
         """The same fits to readings averaged over less time, or in shorter steps, if the present ones mislead a state.
@@ -47,9 +47,9 @@ class Known:
         Of a state that a search has ended with: what is missing may mislead in another way.
         """
         rows = self.bench.in_suited_rows(state)
-        return self.in_suited_steps(state) if rows is self.bench else self._on(rows)
+        return self.in_suited_steps(state) if rows is self.bench else self.on(rows)
 
-    def _on(self, bench: Workbench) -> Known:
+    def on(self, bench: Workbench) -> Known:
         """The same fits on a bench in other steps or rows."""
         if bench is self.bench:
             return self

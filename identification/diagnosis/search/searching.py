@@ -170,6 +170,21 @@ def _reconsidered(log: CheckedLog, chosen: _Chosen, progress: Progress) -> Searc
         state = nominal = given  # what the errors refute is the refit, not the vehicle
         left = what_is_left(bench, given)
     suited = known.suited_to(state)
+    if suited is known:
+        suited = _in_single_readings(known, state, left)
     if suited is not known:
         return suited
     return Searched(known, candidates, kinematics, nominal, state, tuple(rounds), left)
+
+
+def _in_single_readings(known: Known, state: State, left: Left) -> Known:
+    """The same fits to single readings, if what is left depends on a command and these leave nothing; else these.
+
+    Commands that answer readings within an average, which the filter has not seen, look as if pushes followed them.
+    """
+    if left.depends is None or left.depends.signal not in known.plant.inputs:
+        return known
+    finer = known.bench.in_shortest_rows()
+    if finer is known.bench or what_is_left(finer, finer.taken_over(state)):
+        return known
+    return known.on(finer)

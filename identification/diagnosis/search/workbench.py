@@ -24,7 +24,7 @@ from identification.fit.intervals import ByPart, Information, information_of, in
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.sensitivities import LEAST_GAIN
 from identification.fit.steps import brisk, in_steps, suited
-from identification.fit.strides import in_suited_rows, stride_for
+from identification.fit.strides import in_shortest_rows, in_suited_rows, stride_for
 from identification.fit.validation import free_runs
 
 T = TypeVar("T")
@@ -110,7 +110,14 @@ class Workbench:
 
     def in_suited_rows(self, state: State) -> Workbench:
         """A bench with readings averaged over less time if averages mislead the fit of a state, else itself."""
-        problem = in_suited_rows(self.problem, state.point, state.paths)
+        return self._in_rows(in_suited_rows(self.problem, state.point, state.paths))
+
+    def in_shortest_rows(self) -> Workbench:
+        """A bench with readings averaged over no time, or over the least that a long record allows, or itself."""
+        return self._in_rows(in_shortest_rows(self.problem))
+
+    def _in_rows(self, problem: PredictionErrors) -> Workbench:
+        """A bench with a problem in other rows."""
         if problem is self.problem:
             return self
         other = copy(self)

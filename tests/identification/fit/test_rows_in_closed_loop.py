@@ -9,8 +9,10 @@ from auv_gym.param import value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
 from identification.diagnosis.log.parts import parts_of
-from identification.diagnosis.search import workbench
+from identification.diagnosis.search import searching, workbench
+from identification.diagnosis.search.dependence import Dependence
 from identification.diagnosis.search.known import Known
+from identification.diagnosis.search.remainder import Left
 from identification.diagnosis.search.workbench import Workbench
 from identification.fit import greybox, strides
 from identification.fit.greybox import GreyBox
@@ -100,11 +102,28 @@ def test_a_grey_box_is_not_misled(monkeypatch):
     assert off() < -1.4
 
 
-def test_a_search_is_repeated_in_shorter_rows(steered, monkeypatch):
+@pytest.fixture
+def known(steered, monkeypatch) -> Known:
     monkeypatch.setattr(workbench, "stride_for", lambda *_, **__: STRIDE)
     bench = Workbench(GLIDER, steered, parts_of(GLIDER, steered), 0.1)
     given = bench.fit(GLIDER, ())
-    known = Known(bench, PATHS, given, bench.fit(GLIDER, PATHS, given))
+    return Known(bench, PATHS, given, bench.fit(GLIDER, PATHS, given))
+
+
+@pytest.mark.parametrize(
+    "signal, left, stride",
+    [("rudder_rad", Left(), 1), ("rudder_rad", Left(bursts=("r_radps",)), STRIDE), ("heading_rad", Left(), STRIDE)],
+)
+def test_what_seems_to_depend_on_commands_must_do_so_in_single_readings(known, monkeypatch, signal, left, stride):
+    asked = []
+    monkeypatch.setattr(searching, "what_is_left", lambda bench, _: asked.append(bench) or left)
+    seen = Left(depends=Dependence("r_radps", signal, remembers=True))
+    found = searching._in_single_readings(known, known.nominal, seen)
+    assert found.bench.problem.stride == stride
+    assert [bench.problem.stride for bench in asked] == ([1] if signal == "rudder_rad" else [])
+
+
+def test_a_search_is_repeated_in_shorter_rows(known):
     suited = known.suited_to(known.nominal)
     assert suited.bench.problem.stride < STRIDE
     assert len(suited.bench.block_of_row) == len(suited.bench.problem.rows)

@@ -246,3 +246,18 @@ def test_pairs_are_tried_beside_process_noise_which_may_have_taken_their_part(mo
     monkeypatch.setattr(Reconsidering, "paired", paired)
     search_effects(log, known, lambda fraction, text: None)
     assert bool(asked) is tried
+
+
+def test_what_is_left_in_averages_is_asked_of_single_readings(monkeypatch, turning):
+    (log, known), asked = turning, []
+    finer = replace(known)
+
+    def single(known_: Known, state: State, left: Left) -> Known:
+        asked.append(left)
+        return finer if known_ is known else known_
+
+    monkeypatch.setattr(searching, "_in_single_readings", single)
+    found = search_effects(log, known, lambda fraction, text: None)
+    assert found.known is finer
+    assert asked[-1] is found.left
+    assert len(asked) == 2
