@@ -26,6 +26,7 @@ _FAINT = 4.0  # evidence below which a law is not weighed: two standard errors
 _LEADS = (1, 2, 4, 8, 16)  # rows by which commands come later
 _STILL = 0.01  # deviations of a signal, below which a row's change is none
 _LEAST_REST = 1e-3  # share of a signature beside what is fitted, below which it shows nothing
+_NO_WAVES = np.empty((0, 0))
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,8 @@ def dependence(bench: Workbench, state: State) -> Dependence | None:
     Where none is sure so, the likeliest ones are weighed with noises of their own, see `beside_noise.py`.
     A controller that steers against pushes, by more than what was logged, makes commands follow them.  So a law of a
     command counts only if it tells more than the same law of commands that come later, see `_answers`.
+    A sea pushes all velocities together, so that the push on one follows others in the rhythm of its waves.  What the
+    waves of the others can tell of a push is therefore no law, and none is weighed beside noises of its own.
     Of a vehicle with many states, only velocities that random accelerations push are asked for, and quarters.
     `LEFT` is the probability of a dependence where there is none; see `_shared`.
     """
@@ -81,12 +84,14 @@ def dependence(bench: Workbench, state: State) -> Dependence | None:
     begins = np.zeros(len(problem.rows), dtype=bool)
     begins[problem.offsets] = True
     found: list[_Tried] = []
+    waves = {int(axis): _by_other_waves(regression, int(axis)) for axis in axes}
     for name, values in signals_of(problem, point).items():
         for remembers, laws in enumerate(laws_of(name, values, begins, PIECES if few else FEWER_PIECES)):
             for axis in axes if laws else ():
                 told = Dependence(problem.pushed[axis], name, bool(remembers), bool(problem.misread[axis]))
                 terms = problem.pushed_by(point, int(axis), np.array(laws))
-                evidence, rest = _evidence(regression, problem.counted_flat(problem.slopes_by(point, terms)))
+                flat = problem.counted_flat(problem.slopes_by(point, terms))
+                evidence, rest = _evidence(regression, flat, waves[int(axis)])
                 tried = zip(evidence, laws, summed_up(rest), strict=True)
                 found += [_Tried(told, int(axis), law, float(e), r) for e, law, r in tried if e > 0.0]
     shares = _shared(found, LEFT)
@@ -95,8 +100,9 @@ def dependence(bench: Workbench, state: State) -> Dependence | None:
         if len(likely) == WEIGHED:
             break
         sure = chi2.sf(one.evidence, 1) < share
-        worth = sure or (one.evidence >= _FAINT and problem.is_pushed(point))
-        if worth and not _answers(problem, regression, one):
+        calm = not waves[one.axis].size
+        worth = sure or (calm and one.evidence >= _FAINT and problem.is_pushed(point))
+        if worth and not _answers(problem, regression, one, waves[one.axis]):
             if sure:
                 return one.told
             likely.append((one.told, share, problem.pushed_by(point, one.axis, one.law[None])))
@@ -118,7 +124,7 @@ def _shared(found: Sequence[_Tried], level: float) -> np.ndarray:
     return shares
 
 
-def _answers(problem: PredictionErrors, regression: Regression, one: _Tried) -> bool:
+def _answers(problem: PredictionErrors, regression: Regression, one: _Tried, waves: np.ndarray = _NO_WAVES) -> bool:
     """Whether a law of a command tells less than the same law of later commands: these answer what has pushed."""
     if one.told.signal not in problem.plant.inputs:
         return False
@@ -127,7 +133,23 @@ def _answers(problem: PredictionErrors, regression: Regression, one: _Tried) -> 
     later = np.array([one.law[np.minimum(rows + lead, last)] for lead in _LEADS])
     point = regression.point
     signatures = problem.counted_flat(problem.slopes_by(point, problem.pushed_by(point, one.axis, later)))
-    return float(_evidence(regression, signatures)[0].max()) > one.evidence
+    return float(_evidence(regression, signatures, waves)[0].max()) > one.evidence
+
+
+def _by_other_waves(regression: Regression, axis: int) -> np.ndarray:
+    """An orthonormal basis of what waves that push other velocities than the `axis`-th can do by it, (K, n).
+
+    In and out of phase: the push of a wave on one velocity may come before or after that on another.
+    """
+    problem, point = regression.problem, regression.point
+    others = problem.swelling(point)[problem.leads] & ~problem.misread
+    others &= np.array([name != problem.pushed[axis] for name in problem.pushed])
+    if not others.any():
+        return _NO_WAVES
+    waves = point.path[:, len(point.path[0]) - len(others) + np.flatnonzero(others)].T
+    rest = regression.beside(problem.counted_flat(problem.slopes_by(point, problem.pushed_by(point, axis, waves))))
+    _, values, basis = np.linalg.svd(rest, full_matrices=False)
+    return basis[values > _LEAST_REST * values[0]]
 
 
 def clock_varies(bench: Workbench, state: State) -> bool:
@@ -205,15 +227,19 @@ def _held(events: np.ndarray) -> np.ndarray:
     return events[np.maximum.accumulate(np.where(known, np.arange(len(events)), 0))]
 
 
-def _evidence(regression: Regression, signatures: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _evidence(
+    regression: Regression, signatures: np.ndarray, waves: np.ndarray = _NO_WAVES
+) -> tuple[np.ndarray, np.ndarray]:
     """Evidence for each of some signatures, (P, n), beside what is fitted, see `dependence`; 0 if nothing is left.
 
-    And what is left of them, (P, n).
+    And what is left of them, (P, n).  waves: (K, n), orthonormal, what else may be at work.
     """
-    size = np.maximum(np.linalg.norm(signatures, axis=1), 1e-300)
+    size, left = np.maximum(np.linalg.norm(signatures, axis=1), 1e-300), regression.left
     rest = regression.beside(signatures / size[:, None])
-    told, one_size = (rest @ regression.left) ** 2, np.einsum("ij,ij->i", rest, rest)
-    any_size = (rest**2) @ regression.left**2
+    if waves.size:
+        rest, left = rest - (rest @ waves.T) @ waves, left - (left @ waves.T) @ waves
+    told, one_size = (rest @ left) ** 2, np.einsum("ij,ij->i", rest, rest)
+    any_size = (rest**2) @ left**2
     evidence = told / np.maximum(np.maximum(one_size, any_size), 1e-30)
     return np.where(one_size > _LEAST_REST, evidence, 0.0), rest
 

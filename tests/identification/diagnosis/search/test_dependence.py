@@ -8,11 +8,14 @@ import pytest
 from auv_gym import load_vehicle
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search import dependence as module
+from identification.diagnosis.search.candidates import Regression
 from identification.diagnosis.search.dependence import Dependence, clock_varies, dependence, laws_of, signals_of
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.heading_control import closed_loop
+from identification.fit.prediction_errors import PredictionErrors
 from scripts.blind.logs import Conditions
 from scripts.blind.outside import glider_outside, slipped_clock
+from scripts.blind.own_cruise import cruised
 
 PLANT = load_vehicle("slocum")
 CALM = Conditions(1.0, 1.0, 600.0)
@@ -170,3 +173,44 @@ def test_signals_are_states_commands_and_the_time(clean):
     bench, state = clean
     names = set(signals_of(bench.problem, state.point))
     assert {"heading_rad", "r_radps", "rudder_rad", "time_s"} <= names
+
+
+def test_a_push_that_follows_the_waves_of_other_velocities_follows_no_law():
+    """A sea pushes all velocities together; what is left of a law beside its waves still counts."""
+    plant = load_vehicle("vt690")
+    record = cruised(plant, np.random.default_rng(1), duration=40.0)
+    problem = PredictionErrors(plant, record, [slice(0, len(record))], stride=4)
+    problem = problem.with_noises(problem.velocities, [], 6.0)
+    logs, first = problem.first_noise(), len(problem.channels)
+    logs[first : first + len(problem.pushed)] = np.log(0.5 * problem.unit)
+    point = problem.point(plant.vector, logs)
+    regression = Regression(problem, point, (), 0.0)
+    axis = problem.pushed.index("v_mps")
+    waves = module._by_other_waves(regression, axis)
+    assert 0 < len(waves) <= 2 * (len(problem.velocities) - 1)
+
+    def left_of(law: np.ndarray, *beside: np.ndarray) -> tuple[float, float]:
+        """The evidence for a law, and the size of what is left of its signature."""
+        signature = problem.counted_flat(problem.slopes_by(point, problem.pushed_by(point, axis, law[None])))
+        evidence, rest = module._evidence(regression, signature, *beside)
+        return float(evidence[0]), float(np.linalg.norm(rest))
+
+    states = point.path[:, -len(problem.pushed) :].T
+    of_roll = problem.swells & np.array([name == "p_radps" for name in problem.pushed])
+    in_phase, out_of_phase = states[of_roll]
+    for law in (in_phase, out_of_phase, 0.6 * in_phase - 0.8 * out_of_phase):
+        assert left_of(law)[1] > 0.1
+        assert left_of(law, waves)[1] < 0.03
+        assert left_of(law, waves)[0] < 0.01 * left_of(law)[0]
+    steps = np.arange(len(problem.rows)) // 20 % 2 - 0.5
+    assert left_of(steps, waves)[1] > 0.5 * left_of(steps)[1]
+
+
+def test_waves_of_one_velocity_are_no_other_s(clean):
+    bench, state = clean
+    problem = bench.problem.with_noises(bench.problem.velocities, [], 14.0)
+    logs, first = problem.first_noise(), len(problem.channels)
+    logs[first : first + len(problem.pushed)] = np.log(0.5 * problem.unit)
+    point = problem.point(state.point.vector, logs)
+    assert problem.swelling(point).any()
+    assert module._by_other_waves(Regression(problem, point, (), 0.0), 0).size == 0
