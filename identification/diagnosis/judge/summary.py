@@ -355,9 +355,11 @@ def _error_sentence(d: Result) -> str:
     given = [
         f"{d.given.unseen.label(name)} {quantity(d.given.scores[name].rmse, channel(name).unit)}" for name in worse
     ]
-    why = "Free runs do not know the random accelerations, and may come out worse by chance."
-    if d.unexplained or d.left or d.noise is None or not d.noise.process:
-        why = "A refit makes the next reading likely, which may worsen free runs if an effect is missing."
+    why = "A refit makes the next reading likely, which may worsen free runs if an effect is missing."
+    if d.added:
+        why = "The refit before, without the effects, makes the next reading likely, which may worsen free runs."
+    elif d.noise is not None and d.noise.process and not (d.unexplained or d.left):
+        why = "Free runs do not know the random accelerations, and may come out worse by chance."
     return f"{told} As given, the model errs less: {'; '.join(given)}. {why}"
 
 

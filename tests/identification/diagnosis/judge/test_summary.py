@@ -188,14 +188,15 @@ def test_readings_are_said_to_be_averaged_with_the_reason():
 
 
 @pytest.mark.parametrize(
-    "given, unexplained, words",
+    "given, unexplained, added, words",
     [
-        (0.1, True, "As given, the model errs less: heading 5.73 deg. A refit"),
-        (0.1, False, "As given, the model errs less: heading 5.73 deg. Free runs do not know the random accelerations"),
-        (0.2, False, ""),
+        (0.1, True, (), "As given, the model errs less: heading 5.73 deg. A refit"),
+        (0.1, False, (), "As given, the model errs less: heading 5.73 deg. Free runs do not know the random"),
+        (0.1, False, ("an effect",), "As given, the model errs less: heading 5.73 deg. The refit before"),
+        (0.2, False, (), ""),
     ],
 )
-def test_a_refit_that_errs_more_than_the_given_model_is_not_passed_over(given, unexplained, words):
+def test_a_refit_that_errs_more_than_the_given_model_is_not_passed_over(given, unexplained, added, words):
     def stage(rmse: float) -> SimpleNamespace:
         unseen = SimpleNamespace(label=lambda name: "heading")
         return SimpleNamespace(scores={"heading_rad": SimpleNamespace(rmse=rmse)}, unseen=unseen)
@@ -203,7 +204,8 @@ def test_a_refit_that_errs_more_than_the_given_model_is_not_passed_over(given, u
     before = stage(0.2)
     d = SimpleNamespace(
         before=before, refitted=before, after=stage(0.05), given=stage(given), changed=True, reach="over 100 s",
-        unseen_words="parts", unexplained=unexplained, left=(), noise=SimpleNamespace(process={"r_radps": (0.1, 9.0)}),
+        unseen_words="parts", unexplained=unexplained, left=(), added=added,
+        noise=SimpleNamespace(process={"r_radps": (0.1, 9.0)}),
     )  # fmt: skip
     said = _error_sentence(d)  # type: ignore[arg-type]
     assert said.startswith(
