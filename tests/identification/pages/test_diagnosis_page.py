@@ -28,8 +28,9 @@ from identification.experiments.heading_control import closed_loop
 from identification.fit.noises import Noise
 from identification.fit.validation import FreeRuns
 from identification.pages import diagnosis_figures as figures
-from identification.pages.diagnosis_page import MEANINGS, amount, diagnosis_page, number, span
+from identification.pages.diagnosis_page import MEANINGS, diagnosis_page
 from identification.pages.drawing import new_figure, svg
+from identification.pages.page import amount, number, span
 from tests.identification.outline import Outline
 
 pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
