@@ -126,7 +126,10 @@ def _verdict(said: Said) -> str:
 
 
 def named(said: Said) -> list[str]:
-    """The effects of a result, named or not, with size, interval and frequency, and what each is tied with."""
+    """The effects of a result, named or not, with size, interval and frequency, and what each is tied with.
+
+    And terms of no effect that were found in the data.
+    """
     groups = {path: [p for p in group if p != path] for group in said["tied"] for path in group}
     names = []
     for e in (*said["effects"], *said.get("acts_like", ())):
@@ -139,7 +142,9 @@ def named(said: Said) -> list[str]:
             + f"`{told['path']}` {size}{share}"
             + "".join(f", or `{p}`" for p in groups.get(e["path"]) or e.get("tied_with") or () if p != told["path"])
         )
-    return names
+    found = said.get("discovered") or {}
+    terms = found["terms"] if found.get("holds") else ()
+    return [*names, *(f"no effect, but {t['words']}, {100.0 * t['frequency']:.0f} %" for t in terms)]
 
 
 def _current(found: Sequence[Any]) -> str:

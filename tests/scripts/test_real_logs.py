@@ -48,6 +48,9 @@ def test_effects_come_with_interval_share_of_the_halves_and_ties():
     assert second == "`effects.rudder.gain` 0.8 (0.7 to 0.9)"
     unnamed = [e | {"tied_with": ["effects.yaw.moment"]} for e in SAID["effects"][:1]]
     assert named(SAID | {"effects": [], "tied": [], "acts_like": unnamed}) == [f"acts like {first}"]
+    found = {"holds": True, "terms": [{"words": "a yaw moment of 0.02 N m times cos heading", "frequency": 0.94}]}
+    assert named(SAID | {"discovered": found})[2] == "no effect, but a yaw moment of 0.02 N m times cos heading, 94 %"
+    assert len(named(SAID | {"discovered": found | {"holds": False}})) == 2
 
 
 def test_tables_have_the_errors_of_each_log_beside_those_of_others():
