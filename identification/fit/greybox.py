@@ -180,7 +180,7 @@ class GreyBox:
             estimates.append(Estimate(path, unit, value, error, limits, word))
         scales = np.array([problem.scale(p) for p in paths])
         runs = fitted_runs(fitted, problem.record, windows)
-        rms = [np.sqrt(np.mean(runs.residual[runs.held(c), c] ** 2)) for c in range(len(runs.channels))]
+        rms = [np.sqrt(np.mean(runs.errors(c) ** 2)) for c in range(len(runs.channels))]
         return GreyBoxFit(
             model=fitted,
             estimates=tuple(estimates),

@@ -121,14 +121,14 @@ def _by_noise(
     size, point = len(pushing), problem.prepared(point, paths)
     slopes, fall = np.zeros((size, count)), np.zeros(size)
     ways = np.zeros((size, count))  # by which the likeliest parameters move with the noises
-    here = _soon(problem, point, paths, known)
+    here = first_order(problem, point, paths, known)
     for j, i in enumerate(pushing):
         more = point.logs.copy()
         more[i] += _NOISE_STEP
         there = problem.with_noise(point, more)
         if not np.isfinite(there.scores).all():  # the vehicle runs away with these gains, which tells nothing
             continue
-        other = _soon(problem, there, paths, known)
+        other = first_order(problem, there, paths, known)
         slopes[j] = np.log(other.variances / here.variances) / _NOISE_STEP
         ways[j] = (other.ways - here.ways) / _NOISE_STEP
         fall[j] = -0.5 * (other.size - here.size) / _NOISE_STEP
@@ -154,11 +154,11 @@ def _by_left_out(problem: PredictionErrors, point: Point, paths: Sequence[str], 
         return np.zeros(count)
     point, logs = problem.prepared(point, paths), point.logs
 
-    def restricted(logs: np.ndarray) -> tuple[float, _Soon]:
+    def restricted(logs: np.ndarray) -> tuple[float, FirstOrder]:
         there = problem.with_noise(point, logs)
         if not np.isfinite(there.scores).all():
-            return -np.inf, _Soon(np.ones(count), np.zeros(count), 0.0, 0.0)
-        told = _soon(problem, there, paths, known)
+            return -np.inf, FirstOrder(np.ones(count), np.zeros(count), 0.0, 0.0)
+        told = first_order(problem, there, paths, known)
         return problem.total(there) + told.gain - 0.5 * told.size, told
 
     first = best = None
@@ -177,7 +177,7 @@ def _by_left_out(problem: PredictionErrors, point: Point, paths: Sequence[str], 
 
 
 @dataclass(frozen=True, eq=False)
-class _Soon:
+class FirstOrder:
     """What a point tells of paths to first order: variances and the steps to where they are likeliest, (P,) each.
 
     gain: of the log-likelihood by these steps.  size: logarithm of the determinant of the information.
@@ -189,15 +189,15 @@ class _Soon:
     size: float
 
 
-def _soon(problem: PredictionErrors, point: Point, paths: Sequence[str], known: np.ndarray) -> _Soon:
-    """See `_Soon`; by responses where there are any."""
+def first_order(problem: PredictionErrors, point: Point, paths: Sequence[str], known: np.ndarray) -> FirstOrder:
+    """See `FirstOrder`; by responses where there are any.  known: (P, P), information that the record does not tell."""
     pulled, rates = problem.pulls(point.vector, paths)
     flat, scale = _told(problem, point, paths, True)
     normal = flat @ flat.T + known
     inverse = _inverse(normal, scale)
     pull = flat @ problem.counted_errors(point).ravel() - rates * pulled
     ways = inverse @ pull
-    return _Soon(np.maximum(np.diag(inverse), 1e-300), ways, 0.5 * float(pull @ ways), _size(normal))
+    return FirstOrder(np.maximum(np.diag(inverse), 1e-300), ways, 0.5 * float(pull @ ways), _size(normal))
 
 
 @dataclass(frozen=True, eq=False)

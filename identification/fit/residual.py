@@ -8,7 +8,7 @@ import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.records.record import Record
-from identification.fit.validation import FreeRuns, whiteness
+from identification.fit.validation import FreeRuns
 
 
 def noise_floor(residual: np.ndarray, window: np.ndarray) -> float:
@@ -66,7 +66,7 @@ def residual_summary(runs: FreeRuns, record: Record) -> dict[str, dict[str, Any]
                 if np.std(values) > 0.0 and np.std(rate[inner]) > 0.0:
                     goes_with[label] = float(np.corrcoef(values, rate[inner])[0, 1])
         strongest = dict(sorted(goes_with.items(), key=lambda item: -abs(item[1]))[:4])
-        white = whiteness(e, window)
+        white = runs.white(c)
         result[name] = {
             "rms": float(np.sqrt(np.mean(e**2))),
             "noise_floor": floors[c],

@@ -11,6 +11,7 @@ from auv_gym.plant import Chart, Plant
 from auv_gym.records.record import Record
 from identification.deciding import SURE
 from identification.fit.followed import Point
+from identification.fit.intervals import FirstOrder, first_order
 from identification.fit.parameters import STEP, kinked
 from identification.fit.prediction_errors import PredictionErrors
 
@@ -100,12 +101,11 @@ def in_suited_rows(problem: PredictionErrors, point: Point, paths: Sequence[str]
     longer ones lose of what readings tell (Hausman 1978, Econometrica 46).
     Rows mislead if they surely move a parameter by more than `MOST_MISLED` standard errors.
     """
-    finest = in_shortest_rows(problem)
-    if finest is problem or not paths:
-        return problem
-    known = _next_step(finest, point, paths)
-    while problem.stride > finest.stride and _misled(_next_step(problem, point, paths), known):
-        problem = problem.in_rows_of(max(problem.stride // 2, finest.stride))
+    finest = in_shortest_rows(problem) if paths else problem
+    known = None if finest is problem else _next_step(finest, point, paths)
+    while problem is not finest and _misled(_next_step(problem, point, paths), known):
+        half = problem.stride // 2
+        problem = problem.in_rows_of(half) if half > finest.stride else finest
     return problem
 
 
@@ -115,29 +115,25 @@ def in_shortest_rows(problem: PredictionErrors) -> PredictionErrors:
     return problem.in_rows_of(least) if problem.stride > least else problem
 
 
-def _misled(told: tuple[np.ndarray, np.ndarray] | None, known: tuple[np.ndarray, np.ndarray] | None) -> bool:
+def _misled(told: FirstOrder | None, known: FirstOrder | None) -> bool:
     """Whether a step of a fit leads elsewhere than that of shorter rows, see `_next_step`; not where there is none."""
-    if told is None or known is None or told[0].shape != known[0].shape:
+    if told is None or known is None:
         return False
-    (step, variance), (other, less) = told, known
-    chance = np.sqrt(np.maximum(variance - less, 0.0))
-    return bool(np.any(np.abs(other - step) > MOST_MISLED * np.sqrt(variance) + SURE * chance))
+    chance = np.sqrt(np.maximum(told.variances - known.variances, 0.0))
+    return bool(np.any(np.abs(known.ways - told.ways) > MOST_MISLED * np.sqrt(told.variances) + SURE * chance))
 
 
-def _next_step(problem: PredictionErrors, point: Point, paths: Sequence[str]) -> tuple[np.ndarray, np.ndarray] | None:
-    """By how much a point's paths would move in a step of a fit, the noises held, and their variances, in scales.
+def _next_step(problem: PredictionErrors, point: Point, paths: Sequence[str]) -> FirstOrder | None:
+    """By how much a point's paths would move in a step of a fit, the noises held, and their variances.
 
     point: perhaps of other rows.  None where it has noises that the problem has not, or the filter runs away.
     """
-    if point.logs.shape != problem.first_noise().shape:
+    if point.logs.size != len(problem.channels) + 2 * len(problem.pushed):
         return None
     here = problem.point(point.vector, point.logs, replace(point, system=None))  # with responses of its own rows
     if not np.isfinite(here.scores).all():
         return None
-    slopes = problem.without_starts(here, problem.counted_slopes(here, paths))
-    pulled, rates = problem.pulls(here.vector, paths)
-    inverse = np.linalg.pinv(slopes @ slopes.T + np.diag(rates**2), rcond=1e-12, hermitian=True)
-    return inverse @ (slopes @ problem.counted_errors(here).ravel() - rates * pulled), np.diag(inverse)
+    return first_order(problem, here, paths, np.diag(problem.pulls(here.vector, paths)[1] ** 2))
 
 
 def _least(samples: int, tried: Sequence[int]) -> int:

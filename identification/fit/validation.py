@@ -65,6 +65,15 @@ class FreeRuns:
         read = np.isfinite(self.residual[:, number])
         return read if self.readings is None else read & self.readings[:, number]
 
+    def errors(self, number: int) -> np.ndarray:
+        """The residual of a channel at its readings in scored rows."""
+        return self.residual[self.scored & self.held(number), number]
+
+    def white(self, number: int) -> Whiteness:
+        """How white the residual of a channel is at its readings."""
+        held = self.held(number)
+        return whiteness(self.residual[held, number], self.window[held])
+
     def scores(self, record: Record) -> dict[str, Score]:
         """A score for each channel, over the readings in scored rows."""
         result = {}

@@ -200,11 +200,6 @@ def _content(d: Diagnosis, extras: Extras) -> dict[str, Any]:
     }
 
 
-def _all_explained(d: Diagnosis) -> bool:
-    """Whether one-step predictions leave nothing but noise."""
-    return not (d.left or d.unexplained)
-
-
 def _titles(d: Diagnosis) -> dict[str, str]:
     paths = [p for r in d.rounds for t in r.trials for p in t.candidate.paths]
     found = (*d.detectable, *d.coefficients, *d.added)  # added masses are no coefficients of the vehicle by themselves
@@ -220,7 +215,7 @@ def _figures(d: Diagnosis, extras: Extras) -> dict[str, Drawing | None]:
         "input": channel((*d.given.plant.family.required, *d.given.plant.inputs)[0]).label,
         "model": "before and after the diagnosis" if d.changed else "with its coefficients refitted",
         "slow": "come from process noise here, since one-step predictions leave only noise"
-        if _all_explained(d)
+        if d.only_noise
         else "show that the model is missing something",
     }
     missing = {
@@ -301,14 +296,9 @@ def _facts(d: Diagnosis) -> list[tuple[str, str, str]]:
         (str(sum(len(part) for part in d.windows)), "windows", f"free runs, in {_parts(d)} of the log"),
     ]
     if d.added:
-        rest = "; random accelerations make the rest" if _only_pushed(d) else ""
+        rest = "; random accelerations make the rest" if d.only_pushed else ""
         facts.append((_explained(d), "explained", f"of the squared error of free runs above the sensors' noise{rest}"))
     return facts
-
-
-def _only_pushed(d: Diagnosis) -> bool:
-    """Whether all that effects leave is random accelerations."""
-    return _all_explained(d) and d.noise is not None and bool(d.noise.process)
 
 
 def _explained(d: Diagnosis) -> str:
@@ -364,9 +354,7 @@ def _remains(d: Diagnosis) -> list[tuple[str, str]]:
             text += "There is little left to explain. "
         elif coloured:
             text += "The error varies slowly"
-            text += (
-                ", but one-step predictions leave only noise. " if _all_explained(d) else ": no effect describes it. "
-            )
+            text += ", but one-step predictions leave only noise. " if d.only_noise else ": no effect describes it. "
         text += f"The correlation between neighbouring samples is {number(r['lag_1_correlation'], 2, sign=True)}, "
         text += "so the residual is not white. " if coloured else "and the residual is compatible with white noise. "
         strongest = next(iter(r["rate_correlates_with"].items()), None)

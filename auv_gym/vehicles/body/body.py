@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,19 +51,18 @@ class Body:
 
     def by_role(self) -> dict[str, tuple[str, ...]]:
         """The channels that serve each role, in the order of the inputs."""
-        roles: dict[str, tuple[str, ...]] = {}
-        for part_, i, command in self.commands:
-            if command.role:
-                roles[command.role] = (*roles.get(command.role, ()), part_.channel(i))
-        return roles
+        return self._channels_by(lambda command: command.role)
 
     def by_inside(self) -> dict[str, tuple[str, ...]]:
         """The channels that move each thing inside of the hull, see `Command.inside`, in the order of the inputs."""
-        moved: dict[str, tuple[str, ...]] = {}
+        return self._channels_by(lambda command: command.inside)
+
+    def _channels_by(self, of: Callable[[Command], str]) -> dict[str, tuple[str, ...]]:
+        found: dict[str, tuple[str, ...]] = {}
         for part_, i, command in self.commands:
-            if command.inside:
-                moved[command.inside] = (*moved.get(command.inside, ()), part_.channel(i))
-        return moved
+            if name := of(command):
+                found[name] = (*found.get(name, ()), part_.channel(i))
+        return found
 
     @property
     def thrusters(self) -> tuple[Part, ...]:

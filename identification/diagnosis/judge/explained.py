@@ -21,7 +21,7 @@ def explained_share(before: Stage, after: Stage, many: bool) -> float:
         runs = stage.unseen if many else stage.fitted
         total = 0.0
         for c in range(len(runs.channels)):
-            squares = runs.residual[runs.scored & runs.held(c), c] ** 2
+            squares = runs.errors(c) ** 2
             total += max(float(squares.mean()) / floors[c] ** 2 - 1.0, 0.0) if squares.size else 0.0
         excess[name] = total
     return 1.0 - excess["after"] / excess["before"] if excess["before"] > 0.0 else 0.0

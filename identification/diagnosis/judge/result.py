@@ -166,6 +166,16 @@ class Result:
         return self.verdict == "unexplained" or self.discovery is not None
 
     @property
+    def only_noise(self) -> bool:
+        """Whether one-step predictions leave nothing but noise."""
+        return not (self.left or self.unexplained)
+
+    @property
+    def only_pushed(self) -> bool:
+        """Whether all that is left is noise, and random accelerations are a part of it."""
+        return self.only_noise and self.noise is not None and bool(self.noise.process)
+
+    @property
     def titles(self) -> dict[str, str]:
         """What effects and coefficients are called, by path."""
         named = {x.path: x.title for e in self.added for x in (*e.members, e)}

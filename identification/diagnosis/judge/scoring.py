@@ -20,7 +20,7 @@ from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.searching import Searched
 from identification.diagnosis.search.survival import chosen_without
 from identification.diagnosis.search.workbench import State
-from identification.fit.validation import FreeRuns, fitted_runs, free_runs, joined_runs, whiteness
+from identification.fit.validation import FreeRuns, fitted_runs, free_runs, joined_runs
 
 REFITTED = 'Free runs of the refitted vehicle ("before" is the vehicle as given instead)'
 
@@ -74,11 +74,7 @@ class Scoring:
         joined = joined_runs(runs)
         every = free_runs(plant, log.record, log.every_window, log.settle)
         fitted = fitted_runs(plant, log.record, log.every_window)
-        white = {
-            name: whiteness(fitted.residual[held, c], fitted.window[held])
-            for c, name in enumerate(fitted.channels)
-            for held in [fitted.held(c)]
-        }
+        white = {name: fitted.white(c) for c, name in enumerate(fitted.channels)}
         own = replace(plant, longest_step=log.plant.longest_step)
         return Stage(own, joined, every, fitted, joined.scores(log.record), white, tuple(flown))
 

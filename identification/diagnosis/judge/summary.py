@@ -358,7 +358,7 @@ def _error_sentence(d: Result) -> str:
     why = "A refit makes the next reading likely, which may worsen free runs if an effect is missing."
     if d.added:
         why = "The refit before, without the effects, makes the next reading likely, which may worsen free runs."
-    elif d.noise is not None and d.noise.process and not (d.unexplained or d.left):
+    elif d.only_pushed:
         why = "Free runs do not know the random accelerations, and may come out worse by chance."
     return f"{told} As given, the model errs less: {'; '.join(given)}. {why}"
 

@@ -373,8 +373,10 @@ def _glance(record: Record, plant: Plant, stray: Sequence[str]) -> Match:
     window = np.repeat(np.arange(len(record.segments)), [s.stop - s.start for s in record.segments])
     match = Match(plant)
     for c, name in enumerate(plant.outputs):
-        if record.has(name) and np.isfinite(signals[record.readings(name), c]).any():
-            held, still = record.readings(name), name in stray
+        if not record.has(name):
+            continue
+        held, still = record.readings(name), name in stray
+        if np.isfinite(signals[held, c]).any():
             parts = [e for s in record.segments if (e := residual[s, c][held[s]]).size]
             error = float(np.mean([np.nanmean(e**2) if still else np.nanvar(e) for e in parts]))
             match.add(name, signals[held, c], error, window[held])

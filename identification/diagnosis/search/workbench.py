@@ -368,5 +368,5 @@ class Workbench:
                 runs = free_runs(plant, self.record, self.windows, plant.settle if settle is None else settle)
         except Diverged:
             return None
-        squares = [runs.residual[runs.scored & runs.held(c), c] ** 2 for c in range(len(runs.channels))]
+        squares = [runs.errors(c) ** 2 for c in range(len(runs.channels))]
         return np.maximum([np.sqrt(s.sum() / max(s.size, 1)) for s in squares], 1e-12)

@@ -204,8 +204,7 @@ def test_a_refit_that_errs_more_than_the_given_model_is_not_passed_over(given, u
     before = stage(0.2)
     d = SimpleNamespace(
         before=before, refitted=before, after=stage(0.05), given=stage(given), changed=True, reach="over 100 s",
-        unseen_words="parts", unexplained=unexplained, left=(), added=added,
-        noise=SimpleNamespace(process={"r_radps": (0.1, 9.0)}),
+        unseen_words="parts", only_pushed=not unexplained, added=added,
     )  # fmt: skip
     said = _error_sentence(d)  # type: ignore[arg-type]
     assert said.startswith(
