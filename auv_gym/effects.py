@@ -1,9 +1,10 @@
 """Every physical effect that a vehicle may have, each neutral by default.
 
 An effect at its neutral value is the identity, bit for bit, and shows at first order when it leaves it, so that
-switching, fitting or probing one changes numbers in the packed vector and nothing else. The compiled functions that
-apply them are in `physics`. Probes are the smallest changes worth detecting in a log of ten minutes. Those of floats
-and of gliders that fly are in `vehicles.float_effects` and `vehicles.glide_effects`.
+switching, fitting or probing one changes numbers in the packed vector and nothing else. Only what sticks does not: it
+is sought by its size. The compiled functions that apply them are in `physics`. Probes are the smallest changes worth
+detecting in a log of ten minutes. Those of floats and of gliders that fly are in `vehicles.float_effects` and
+`vehicles.glide_effects`.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ _ON_COMMANDS: Mapping[str, tuple[float, str, str, tuple[float, float], str]] = {
     "gain": (1.0, "{} gain", "1", (0.05, 5.0), "a measured position of the {}, or commands that reach its stops"),
     "deadband": (0.0, "{} deadband (half width)", "U", (0.0, 0.5), _ANGLES),
     "backlash": (0.0, "{} backlash (full width)", "U", (0.0, 0.5), _ANGLES),
+    "stiction": (0.0, "{} sticks until told to move by", "U", (0.0, 0.5), _ANGLES),
     "dead_time": (0.0, "{} dead time", "s", (0.0, 20.0), f"samples shorter than the delay, {_QUICK}"),
     "lost_travel": (0.0, "{} saturates early, by", "U", (0.0, 1.0), "a measured position of the {}"),
     "lag": (0.0, "{} lag (time constant)", "s", (0.0, 60.0), f"samples shorter than the lag, {_QUICK}"),
@@ -64,7 +66,7 @@ def effects_on_commands(
     command, "1" for shares of its range.  span: of the bounds, over those of an angle.  slowest: largest slowness, s
     per unit.  titles: in place of the usual ones.  more: further fields, made by `param`.  module: where pickle looks
     for the class, by its name.
-    Order of action: gain and offset, deadband, backlash, dead time, saturation, then lag and rate limit.
+    Order of action: gain and offset, deadband, backlash, stiction, dead time, saturation, then lag and rate limit.
     """
     fields: list[tuple[str, type, Any]] = []
     for effect, (neutral, title, stated, (low, high), apart) in _ON_COMMANDS.items():
@@ -87,6 +89,7 @@ FIN_PROBES = {
     "gain": 0.10,
     "deadband": 0.015,
     "backlash": 0.03,
+    "stiction": 0.03,
     "dead_time": 0.5,
     "lost_travel": 0.04,
     "lag": 0.5,

@@ -52,7 +52,7 @@ def casadi_model(plant: Plant) -> CasadiModel:
     """A vehicle's continuous-time equations of motion, with its effects, as a CasADi function of states and inputs.
 
     Commands are limited as the vehicle limits them. Sensors have no part in it. Raises ValueError on what has no
-    right-hand side of such a form: dead times, backlash, a rate limit without a lag, masses that move in the vehicle.
+    right-hand side of such a form: dead times, backlash, stiction, a rate limit without a lag, moving masses.
 
     Example:
 
@@ -117,12 +117,12 @@ def _defaults(plant: Plant) -> dict[str, float]:
 
 
 def _check(plant: Plant) -> None:
-    backlash = [path for path in list_paths(plant) if path.endswith(".backlash") and value_at(plant, path) != 0.0]
+    gaps = [p for p in list_paths(plant) if p.endswith((".backlash", ".stiction")) and value_at(plant, p) != 0.0]
     reasons = {
         "a mass that moves in it, whose start and stop are jumps of its velocity": plant.family.moves,
         "a dead time or a delay of its commands": plant.history > 1,
         "a log's clock that runs fast or slow": plant.effects.clock.rate != 0.0,
-        f"backlash ({', '.join(backlash)})": bool(backlash),
+        f"backlash or stiction ({', '.join(gaps)})": bool(gaps),
         "a learned hull": plant.learned is not None,
     }
     for reason, holds in reasons.items():

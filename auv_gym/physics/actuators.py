@@ -15,34 +15,44 @@ def play(position, memory, width):
 
 
 @compiled
-def shaped_command(command, memory, gain, offset, deadband, backlash, stop):
-    """A command after gain, offset, deadband, backlash and saturation at +-stop, and the new backlash memory.
+def held(position, memory, backlash, stiction):
+    """Where an actuator with backlash and stiction goes that is told a position, given where it stood before.
 
-    memory: last output of the backlash.  The deadband is continuous: its output starts from zero at its edge. All steps
-    but the backlash are memoryless, so the dead time, which acts on the sampled signal, may follow them.
+    What sticks does not move until it would have to by `stiction` or more, and then all the way.
+    """
+    moved = play(position, memory, backlash)
+    return moved if abs(moved - memory) >= stiction else memory
+
+
+@compiled
+def shaped_command(command, memory, gain, offset, deadband, backlash, stiction, stop):
+    """A command after gain, offset, deadband, backlash, stiction and saturation at +-stop, and the new memory.
+
+    memory: where backlash and stiction have left it.  The deadband is continuous: its output starts from zero at its
+    edge. All steps but these two are memoryless, so the dead time, which acts on the sampled signal, may follow them.
     """
     position = command * gain + offset
     position -= min(max(position, -deadband), deadband)
-    position = play(position, memory, backlash)
+    position = held(position, memory, backlash, stiction)
     stop = max(stop, 0.0)
     return min(max(position, -stop), stop), position
 
 
 @compiled
-def command_within(command, memory, rest, low, high, gain, offset, deadband, backlash, lost):
+def command_within(command, memory, rest, low, high, gain, offset, deadband, backlash, stiction, lost):
     """As `shaped_command`, of an actuator that rests at `rest` and goes from low to high, less `lost` at either end.
 
     What is lost at an end never keeps it from its rest.
     """
     position = (command - rest) * gain + offset
     position -= min(max(position, -deadband), deadband)
-    position = play(rest + position, memory, backlash)
+    position = held(rest + position, memory, backlash, stiction)
     return min(max(position, min(low + lost, rest)), max(high - lost, rest)), position
 
 
 @compiled
 def shape_command(command, memory, limit, actuator):
-    """The commanded angle after an actuator's effects, and the new backlash memory, rad; see `shaped_command`.
+    """The commanded angle after an actuator's effects, and the new memory, rad; see `shaped_command`.
 
     limit: mechanical stop, rad, before `actuator.lost_travel`.
     """
@@ -53,6 +63,7 @@ def shape_command(command, memory, limit, actuator):
         actuator.offset,
         actuator.deadband,
         actuator.backlash,
+        actuator.stiction,
         limit - actuator.lost_travel,
     )
 

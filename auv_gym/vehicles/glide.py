@@ -173,7 +173,7 @@ def shape(inputs, memory, p, shaped):
     """The engine's volume after its gain and its stops, and the water's temperature, into shaped."""
     hull, engine = p.hull, p.effects.engine
     rest, low, high = hull.engine_neutral, hull.engine_low, hull.engine_high
-    shaped[0], memory[0] = command_within(inputs[0], memory[0], rest, low, high, engine.gain, 0.0, 0.0, 0.0, 0.0)
+    shaped[0], memory[0] = command_within(inputs[0], memory[0], rest, low, high, engine.gain, 0.0, 0.0, 0.0, 0.0, 0.0)
     shaped[1] = inputs[1]
 
 

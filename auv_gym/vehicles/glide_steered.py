@@ -69,7 +69,7 @@ def shape(inputs, memory, p, shaped):
     hull, steering = p.hull, p.steering
     rest, low, high = hull.engine_neutral, hull.engine_low, hull.engine_high
     gain = p.effects.engine.gain
-    shaped[0], memory[0] = command_within(inputs[0], memory[0], rest, low, high, gain, 0.0, 0.0, 0.0, 0.0)
+    shaped[0], memory[0] = command_within(inputs[0], memory[0], rest, low, high, gain, 0.0, 0.0, 0.0, 0.0, 0.0)
     shaped[1] = min(max(inputs[1], steering.battery_low), steering.battery_high)
     shaped[2] = min(max(inputs[2], -steering.roll_limit), steering.roll_limit)
     shaped[3] = min(max(inputs[3], -steering.rudder_limit), steering.rudder_limit)

@@ -190,7 +190,7 @@ def shape(inputs, memory, p, shaped):
     hull, piston = p.hull, p.effects.piston
     middle, half = 0.5 * (hull.piston_high + hull.piston_low), 0.5 * (hull.piston_high - hull.piston_low)
     position, last = shaped_command(
-        inputs[0] - middle, memory[0] - middle, piston.gain, piston.offset, 0.0, piston.backlash, half
+        inputs[0] - middle, memory[0] - middle, piston.gain, piston.offset, 0.0, piston.backlash, piston.stiction, half
     )
     shaped[0], memory[0] = middle + position, middle + last
     shaped[1] = inputs[1]

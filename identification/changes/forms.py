@@ -80,9 +80,9 @@ class Changeable:
 
     @classmethod
     def of(cls, plant: Plant, record: Record, doubt: float) -> Changeable:
-        """Without effects that have a period, whose phase no change could keep."""
+        """Without effects that have a period, whose phase no change could keep, and those that jump with their size."""
         doubted = (p for p in plant.doubted if plant.deviation(p, doubt) > 0.0 and value_at(plant, p) != 0.0)
-        return cls(tuple(c for c in candidates_of(plant, record) if not c.period), tuple(doubted))
+        return cls(tuple(c for c in candidates_of(plant, record) if c.sloped), tuple(doubted))
 
     @property
     def paths(self) -> list[str]:

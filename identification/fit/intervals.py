@@ -11,7 +11,7 @@ import numpy as np
 from auv_gym.threads import side_by_side
 from identification.estimate import half_width
 from identification.fit.followed import Point
-from identification.fit.parameters import kinked
+from identification.fit.parameters import jumps, kinked
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.sensitivities import NOTHING
 
@@ -291,8 +291,9 @@ def profile_interval(
     """Where the log-likelihood, all else refitted, falls by half of `reach` squared; for corners and bounds.
 
     error: standard error of the path, in its unit, by which the search begins.  A side on which it never falls so far
-    ends at the bound.  The filter's gains are held, as they are where parameters are fitted: gains made anew would
-    count what the colour of errors tells of the parameters, too, which estimates and their covariance leave out.
+    ends at the bound; of what changes by jumps, where it was seen to have fallen.  The filter's gains are held, as they
+    are where parameters are fitted: gains made anew would count what the colour of errors tells of the parameters, too,
+    which estimates and their covariance leave out.
     way: (P,), in scales, how all paths move with this one to first order: where hardly anything pushes a vehicle that
     turns away from its course, a fit does not find from farther away what makes up for it.
     """
@@ -311,7 +312,7 @@ def profile_interval(
             if drop >= bar:
                 inside = np.sqrt(max(drop_inner, 0.0))
                 share = (np.sqrt(bar) - inside) / max(np.sqrt(drop) - inside, 1e-12)
-                edge = inner + share * (tried - inner)
+                edge = tried if jumps(path) else inner + share * (tried - inner)
                 if drop < _TOO_FAR * bar:
                     break
                 step = max(share, _SHORTEST) * abs(tried - inner)

@@ -13,11 +13,13 @@ from auv_gym.plant import Plant
 from identification.deciding import REACH
 from identification.fit.work import Work
 
-# scales of a parameter, over which its slopes are taken: more about a corner; else so little that slopes are true to
-# 1e-5, since what they are off by moves those estimates far that act nearly alike, and rounding is still less
-STEP, _STEP_ABOUT_CORNERS = 1e-4, 0.1
+# scales of a parameter, over which its slopes are taken: more about a corner, and more where it jumps, so that some of
+# the jumps differ; else so little that slopes are true to 1e-5, since what they are off by moves those estimates far
+# that act nearly alike, and rounding is still less
+STEP, _STEP_ABOUT_CORNERS, _STEP_OVER_JUMPS = 1e-4, 0.1, 0.3
 # what comes last in their paths
-_KINKED = frozenset(["deadband", "backlash", "dead_time", "delay", "lag", "slowness", "lost_travel"])
+_JUMPS = frozenset(["stiction"])
+_KINKED = frozenset(["deadband", "backlash", "stiction", "dead_time", "delay", "lag", "slowness", "lost_travel"])
 
 
 class Vector(Protocol):
@@ -116,6 +118,11 @@ def kinked(path: str) -> bool:
     return path.rpartition(".")[2] in _KINKED
 
 
+def jumps(path: str) -> bool:
+    """Whether what an effect does changes by jumps with its size, so that no slope tells of another size."""
+    return path.rpartition(".")[2] in _JUMPS
+
+
 def moves_of(paths: Iterable[str]) -> list[tuple[str, float]]:
     """Each path with the step, in its scales, over which its slopes are taken."""
-    return [(p, _STEP_ABOUT_CORNERS if kinked(p) else STEP) for p in paths]
+    return [(p, _STEP_OVER_JUMPS if jumps(p) else _STEP_ABOUT_CORNERS if kinked(p) else STEP) for p in paths]

@@ -13,7 +13,7 @@ from identification.fit.followed import Followed, Point
 from identification.fit.kalman import start_slopes
 from identification.fit.kept import KeptSlopes
 from identification.fit.linearised import at_once
-from identification.fit.parameters import moves_of
+from identification.fit.parameters import jumps, moves_of
 from identification.fit.responses import Responses
 
 _NO_START = 1e-9  # of the slopes by starts, below which one does nothing
@@ -23,6 +23,8 @@ _TRIES, _TIGHTER = 6, 30.0  # of a step, and how much more it is damped each tim
 _DESCENTS = 3  # steps of the parameters with the same gains
 _AWAY = 1e100  # a slope of a run that has run away: its square would be no number
 _ENOUGH = 10.0  # deviations of the noise by which a free run changes, from which on more counts the same
+# of the size of what changes by jumps, where sizes near by are tried
+_NEAR_JUMPS = (0.9, 0.92, 0.94, 0.96, 0.98, 0.99, 1.01, 1.02, 1.04, 1.06, 1.08, 1.1)
 _MANY = 8  # coefficients of a fit, from which on it saves time to hold how the vehicle answers them
 NOTHING = 1e-4  # deviations of all readings together: a path that moves them by less over a scale does nothing
 LEAST_GAIN = 0.005  # of the log-likelihood, that a turn must bring for a fit to go on
@@ -241,6 +243,18 @@ class Sensitivities(Followed):
         numbers = (point.gains, point.whiten, self._numbers(point.logs)[2])
         return driven_slopes(point.system, *numbers, responses)
 
+    def _jumped(self, here: Point, paths: Sequence[str]) -> Point:
+        """The likeliest of sizes near by of what changes by jumps: no slope leads there."""
+        for path in filter(jumps, paths):
+            k, tried = self.index[path], [here]
+            for share in _NEAR_JUMPS:
+                vector = here.vector.copy()
+                vector[k] = np.clip(share * vector[k], *self.bounds(path))
+                there = self.with_gains(here, vector)
+                tried += [there] * bool(np.isfinite(there.scores).all())
+            here = max(tried, key=lambda point: self.objective(point, paths))
+        return here
+
     def descended(self, here: Point, paths: Sequence[str], iterations: int = _DESCENTS, exact: bool = False) -> Point:
         """The point of least squared errors over paths and starts, the filter's gains held; Levenberg and Marquardt.
 
@@ -248,6 +262,7 @@ class Sensitivities(Followed):
         """
         if here.system is None:
             return here
+        here = self._jumped(here, paths)
         every, owners, taken, count = np.zeros((0, 0)), list[tuple[np.ndarray, int]](), None, len(paths)
         for _ in range(iterations):
             if self.carried.any() or not self._near_by(taken, here.vector):

@@ -108,6 +108,7 @@ def test_inputs_have_the_units_and_defaults_of_the_vehicle():
         ("remus100", {"effects.clock.delay": 0.5}, "a dead time or a delay"),
         ("remus100", {"effects.clock.rate": 0.01}, "clock that runs fast"),
         ("remus100", {"effects.rudder.backlash": 0.02}, "backlash"),
+        ("remus100", {"effects.rudder.stiction": 0.02}, "stiction"),
         ("remus100", {"parts.rudder.lag": 0.0}, "rate limit of rudder_rad and no lag"),
         ("seaexplorer", {}, "searches for a balance .* Use its linear model"),
     ],

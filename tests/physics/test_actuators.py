@@ -9,7 +9,7 @@ from hypothesis import assume, given, strategies as st
 
 from auv_gym.effects import ActuatorEffects
 from auv_gym.param import pack, record_type
-from auv_gym.physics.actuators import command_within, play, shape_command, travel
+from auv_gym.physics.actuators import command_within, held, play, shape_command, travel
 
 angles = st.floats(-1.5, 1.5)
 LIMIT = 0.5
@@ -114,6 +114,21 @@ def test_play_follows_within_half_its_width_and_only_when_pushed(positions, widt
         memory = moved
 
 
+@given(positions=st.lists(angles, min_size=2, max_size=20), stiction=st.floats(1e-3, 0.5))
+def test_what_sticks_stands_still_until_it_jumps_to_where_it_is_told(positions, stiction):
+    memory = positions[0]
+    for position in positions[1:]:
+        moved = held(position, memory, 0.0, stiction)
+        assert moved == (position if abs(position - memory) >= stiction else memory)
+        assert abs(position - moved) < stiction
+        memory = moved
+
+
+def test_what_has_play_and_sticks_jumps_to_the_edge_of_its_play():
+    assert held(0.3, 0.0, 0.2, 0.25) == 0.0  # told to stand at 0.2, at the edge of its play
+    assert held(0.4, 0.0, 0.2, 0.25) == pytest.approx(0.3)
+
+
 @given(command=st.floats(-LIMIT, LIMIT), memory=angles)
 def test_a_neutral_actuator_is_the_identity_bit_for_bit(command, memory):
     assert shaped(command, memory) == (command, command)
@@ -130,6 +145,9 @@ def test_a_neutral_actuator_is_the_identity_bit_for_bit(command, memory):
         (0.04, {"deadband": 0.05}, 0.0),
         (0.04, {"deadband": 0.05, "offset": 0.05}, 0.04),  # the deadband comes after the offset
         (0.2, {"backlash": 0.06}, 0.17),
+        (0.2, {"stiction": 0.15}, 0.2),
+        (0.2, {"stiction": 0.25}, 0.0),
+        (0.2, {"offset": 0.1, "stiction": 0.25}, 0.3),  # the offset comes before
         (0.6, {}, LIMIT),
         (-0.6, {}, -LIMIT),
         (0.6, {"lost_travel": 0.1}, 0.4),
@@ -145,9 +163,19 @@ def test_backlash_memory_is_not_cut_by_the_stops():
 
 
 def within(
-    command, memory=0.0, rest=2.0, low=2.0, high=9.0, gain=1.0, offset=0.0, deadband=0.0, backlash=0.0, lost=0.0
+    command,
+    memory=0.0,
+    rest=2.0,
+    low=2.0,
+    high=9.0,
+    gain=1.0,
+    offset=0.0,
+    deadband=0.0,
+    backlash=0.0,
+    stiction=0.0,
+    lost=0.0,
 ):
-    return command_within(command, memory, rest, low, high, gain, offset, deadband, backlash, lost)[0]
+    return command_within(command, memory, rest, low, high, gain, offset, deadband, backlash, stiction, lost)[0]
 
 
 def test_a_range_that_begins_at_rest_is_shortened_at_its_other_end_only():
@@ -165,6 +193,6 @@ def test_gain_deadband_and_offset_of_a_range_act_about_rest():
 
 @given(angles)
 def test_a_range_about_zero_is_that_of_a_fin(command):
-    own = command_within(command, 0.1, 0.0, -LIMIT, LIMIT, 1.1, 0.02, 0.03, 0.04, 0.1)
-    packed = {"gain": 1.1, "offset": 0.02, "deadband": 0.03, "backlash": 0.04, "lost_travel": 0.1}
+    own = command_within(command, 0.1, 0.0, -LIMIT, LIMIT, 1.1, 0.02, 0.03, 0.04, 0.06, 0.1)
+    packed = {"gain": 1.1, "offset": 0.02, "deadband": 0.03, "backlash": 0.04, "stiction": 0.06, "lost_travel": 0.1}
     assert own[0] == pytest.approx(shaped(command, 0.1, **packed)[0], abs=1e-15)

@@ -25,6 +25,7 @@ EFFECTS = {
     "dead time of whole samples": {"rudder.dead_time": 8.0},
     "lag and rate limit": {"rudder.lag": 3.0, "rudder.slowness": 12.0},
     "backlash": {"rudder.backlash": 0.1},
+    "stiction": {"rudder.stiction": 0.1},
     "offset, gain, deadband, stop": {
         "rudder.offset": 0.03,
         "rudder.gain": 1.2,
@@ -49,7 +50,12 @@ TORPEDO_EFFECTS = {
     "none": {},
     "dead times": {"rudder.dead_time": 0.27, "stern_plane.dead_time": 0.4, "propeller.dead_time": 1.0},
     "lags and rate limits": {"rudder.lag": 0.5, "stern_plane.slowness": 3.0, "propeller.lag": 2.0},
-    "shaped commands": {"stern_plane.backlash": 0.1, "rudder.deadband": 0.05, "propeller.gain": 0.8},
+    "shaped commands": {
+        "stern_plane.backlash": 0.1,
+        "rudder.stiction": 0.06,
+        "rudder.deadband": 0.05,
+        "propeller.gain": 0.8,
+    },
     "water": {"current.east": 0.3, "current.shear_north": 0.02, "waves.amplitude_cos": 0.5, "water.density": 0.01},
     "loads and damage": {"load.payload": 0.5, "load.tether_drag": 1.0, "rudder.lost": 0.3, "hull.fouling": 0.2},
     "sensors": {"depth.lag": 2.0, "gyros.lag": 0.3, "compass.lag": 1.0, "dvl_ground.lag": 0.5, "dvl_water.lag": 1.0},

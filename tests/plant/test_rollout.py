@@ -143,6 +143,7 @@ EFFECTS = {
     "dead time": {"effects.rudder.dead_time": 5.0},
     "lag": {"effects.rudder.lag": 3.0, "effects.rudder.slowness": 10.0},
     "backlash": {"effects.rudder.backlash": 0.1},
+    "stiction": {"effects.rudder.stiction": 0.1},
 }
 
 

@@ -200,6 +200,8 @@ def test_a_hull_that_cools_late_sinks_late():
         ({"backlash": 0.01}, [0.53], 0.535),
         ({"backlash": 0.01}, [0.53, 0.538], 0.535),
         ({"backlash": 0.01}, [0.53, 0.58], 0.575),
+        ({"stiction": 0.01}, [0.545], 0.55),
+        ({"stiction": 0.01}, [0.545, 0.535, 0.53], 0.535),
         ({"dead_time": 2.0}, [0.53, 0.57], 0.55),
         ({"dead_time": 2.0}, [0.53, 0.57, 0.57], 0.53),
     ],
@@ -267,6 +269,7 @@ DIRECTIONS = {
     "piston.offset": SHALLOWER,
     "piston.gain": SHALLOWER,
     "piston.backlash": DEEPER,
+    "piston.stiction": DEEPER,
     "piston.dead_time": DEEPER,
     "piston.lag": DEEPER,
     "piston.slowness": DEEPER,
@@ -311,7 +314,7 @@ def test_one_probe_of_an_effect_moves_the_float_the_way_it_should(path, directio
     spec, t = spec_at(plant, f"effects.{path}"), np.arange(0.0, 100.0, 0.7)
     begun = t > 0.5
     inputs = {
-        "piston_m": 0.55 + 0.02 * begun,
+        "piston_m": 0.55 + np.minimum(2.8e-3 * t, 0.0176),  # in steps below what a stiction of one probe lets pass
         "temperature_C": 20.0 + 4.0 * begun,
         "pumped_volume_m3": 3e-4,
         "valved_volume_m3": 2e-4,

@@ -15,7 +15,7 @@ from auv_gym.records.record import Record
 from identification.deciding import ALIKE, MANY, ONLY_STARTS, SEEN
 from identification.fit.changing import ChangingPlant, change, changed, named_when
 from identification.fit.followed import Point
-from identification.fit.parameters import STEP, kinked
+from identification.fit.parameters import STEP, jumps, kinked
 from identification.fit.prediction_errors import PredictionErrors
 
 # Two components of one physical thing are one candidate; a component that turns out small is dropped at the end.
@@ -31,6 +31,8 @@ MOST_PERIODS = 64
 _ONE_SIDED = 1.645  # standard errors below which a normal estimate falls in 5 %
 _ONE_SIDE_AT_STOPS = frozenset(["gain", "offset"])  # of an actuator: a command at its stop shows one side alone
 KINKED_STEPS = (1.0, 5.0)  # probes over which slopes are taken about a corner, in place of `STEP`
+# sizes, in probes, that are tried of what changes by jumps: two neighbours have nine jumps in ten in common
+JUMPING_STEPS = tuple(float(size) for size in np.geomspace(0.3, 9.0, 36))
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,8 @@ class Candidate:
     @property
     def steps(self) -> tuple[float, ...]:
         """The sizes, in probes, by which its signatures are taken: of both sides where commands may reach a stop."""
+        if self.jumps:
+            return JUMPING_STEPS
         if self.kinked:
             return KINKED_STEPS
         return (STEP, -STEP) if self.paths[0].rpartition(".")[2] in _ONE_SIDE_AT_STOPS else (STEP,)
@@ -61,6 +65,16 @@ class Candidate:
     def kinked(self) -> bool:
         """Whether it works in one direction from its neutral value, with a corner there."""
         return kinked(self.paths[0])
+
+    @property
+    def jumps(self) -> bool:
+        """Whether its signature is that of its size alone, and no multiple of it that of another size."""
+        return jumps(self.paths[0])
+
+    @property
+    def sloped(self) -> bool:
+        """Whether a slope at neutral tells what it does: not where it has a period, or jumps."""
+        return not self.period and not self.jumps
 
 
 @dataclass(frozen=True)
@@ -182,12 +196,12 @@ def screen_pairs(
     """Regression of the filter's errors on each two signatures at once: the pair, as one candidate, and its members.
 
     The `most` promising, best first.  threshold: see `screen`.  Pairs are left out that act alike, or that would have
-    an effect that works in one direction do so in the other; periods are not sought.
+    an effect that works in one direction do so in the other; periods and jumps are not sought.
     instead: an effect that a pair must promise more than.
     """
     regression = Regression(problem, point, fitted, threshold)
     least = 0.0 if instead is None else regression.of([instead])[0].evidence
-    pairs = regression.pairs([c for c in candidates if not c.period], most)
+    pairs = regression.pairs([c for c in candidates if c.sloped], most)
     return [pair for pair in pairs if pair[0].evidence > least]
 
 
@@ -277,14 +291,16 @@ class Regression:
     def of(self, candidates: Sequence[Candidate], vector: np.ndarray | None = None) -> list[Screening]:
         """A screening for each candidate, in their order; vector: from where the signatures are taken."""
         found: dict[Candidate, Screening] = {}
-        signed = self._signed(candidates, vector)
-        together = self._together(signed) if len(candidates) >= MANY else {}
+        signed, many = self._signed(candidates, vector), len(candidates) >= MANY
+        together = self._together([rows for rows in signed if not rows[0].candidate.jumps]) if many else {}
         for one, *_ in signed:
-            candidate = one.candidate
-            if candidate not in found:
-                found[candidate] = one
-            elif one.evidence > found[candidate].evidence:
-                found[candidate] = replace(one, detectable=found[candidate].detectable)
+            candidate, known = one.candidate, found.get(one.candidate, one)
+            better = one if one.evidence > known.evidence or known.unseen else known
+            if candidate.jumps:
+                shown, tried = np.minimum(known.detectable, one.detectable), len(candidate.steps)
+                found[candidate] = replace(better, detectable=shown, tried=tried)
+            else:
+                found[candidate] = replace(better, detectable=known.detectable)
         return [replace(found[c], together=together.get(part_of(c.paths[0]), (0.0, 0))) for c in candidates]
 
     def pairs(self, candidates: Sequence[Candidate], most: int) -> list[tuple[Screening, tuple[Screening, Screening]]]:
@@ -371,7 +387,9 @@ class Regression:
         deviations = np.sqrt(np.diag(np.linalg.pinv(gram, hermitian=True)))
         units = np.array([self.problem.scale(p) for p in candidate.paths])
         sizes = deviations_shown(self.threshold) * deviations * units
-        evidence = float(estimate @ (own @ self.left))
+        if candidate.jumps:
+            estimate, sizes = np.full_like(estimate, step), np.where(sizes <= step * units, step * units, np.inf)
+        evidence = float(2.0 * estimate @ (own @ self.left) - estimate @ gram @ estimate)
         if -step in candidate.steps and estimate[0] * step < 0.0:
             estimate, evidence = np.zeros_like(estimate), 0.0  # this slope is that of the other side
         return Screening(candidate, estimate, evidence, seen, sizes, beside=self._beside(estimate @ whole))

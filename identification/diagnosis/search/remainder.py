@@ -77,7 +77,7 @@ def passing_effect(bench: Workbench, state: State, candidates: Sequence[Candidat
     place: where they have grown for it, weaker ones are tried.  Of a vehicle with many states only the likeliest
     effects are asked for.
     """
-    paths = list(dict.fromkeys(p for c in candidates for p in c.paths if p not in state.paths))
+    paths = list(dict.fromkeys(p for c in candidates if not c.jumps for p in c.paths if p not in state.paths))
     if not paths or not bench.goes_on("looked for an effect that acts in a part of the log"):
         return ""
     likeliest = paths if bench.followed <= FEW_STATES else likeliest_to_change(bench, state, paths, CONTENDERS)

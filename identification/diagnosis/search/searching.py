@@ -112,7 +112,7 @@ def _sought(log: CheckedLog, known: Known, progress: Progress, sought: Collectio
 
 def may_differ(searched: Searched) -> list[str]:
     """Paths of the effects that one of several logs may have alone: all, or of many states those that differ most."""
-    paths = [p for c in searched.candidates if not c.period for p in c.paths]
+    paths = [p for c in searched.candidates if c.sloped for p in c.paths]
     bench = searched.known.bench
     if bench.followed <= FEW_STATES:
         return paths

@@ -37,7 +37,7 @@ def likenesses(bench: Workbench, chosen: Trial, others: Sequence[Trial]) -> dict
     gain is a valve's only if the drag may change with it.
     """
     found: dict[Candidate, list[Likeness]] = {t.candidate: [] for t in others}
-    others = [t for t in others if not t.candidate.period]  # while it is neutral, its signature has any period
+    others = [t for t in others if t.candidate.sloped]  # while it is neutral, its signature has any period
     if not others:
         return found
     assert chosen.state is not None
@@ -47,6 +47,9 @@ def likenesses(bench: Workbench, chosen: Trial, others: Sequence[Trial]) -> dict
     flat = problem.counted_slopes(here, paths)
     moved = np.array([value_at(chosen.state.plant, p) - spec_at(problem.plant, p).neutral for p in own])
     moved /= [problem.scale(p) for p in own]
+    if chosen.candidate.jumps:  # all that it does
+        back = [(p, -float(size)) for p, size in zip(own, moved, strict=True)]
+        flat[: len(own)] = problem.counted_flat(problem.columns_of(here, back))
     scale = float(np.linalg.norm(moved)) or 1.0
     basis = flat[len(own) : len(own) + len(beside)]
     columns = np.concatenate([(moved / scale) @ flat[: len(own)][None], flat[len(own) + len(beside) :]])

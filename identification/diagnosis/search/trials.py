@@ -357,6 +357,9 @@ def _first_values(plant: Plant, screening: Screening) -> list[tuple[float, ...]]
     A probe may be far more than a long record bears: then the estimate is the better start, but for corners, whose
     slopes next to neutral say nothing.
     """
+    if screening.candidate.jumps:
+        spec = spec_at(plant, screening.candidate.paths[0])
+        return [(float(np.clip(spec.neutral + screening.estimate[0] * spec.probe, *spec.bounds)),)]
     starts = []
     for far in (False, True):
         values = []

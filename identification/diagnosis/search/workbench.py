@@ -78,7 +78,7 @@ class Workbench:
         self.windows = tuple(windows) or tuple(pieces)
         self.record, self.parts, self.doubt = record, tuple(parts), doubt
         known = [p for p in plant.coefficients if plant.deviation(p, doubt) > 0.0]
-        sought = [path for c in candidates_of(plant, record) if not c.period for path in c.paths]
+        sought = [path for c in candidates_of(plant, record) if c.sloped for path in c.paths]
         stride = stride_for(plant, record, pieces, known, sought, doubt=doubt)
         self._as_stepped = PredictionErrors(plant, record, pieces, doubt=doubt, stride=stride)
         self.problem = brisk(self._as_stepped)

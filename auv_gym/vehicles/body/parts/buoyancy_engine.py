@@ -58,7 +58,9 @@ def shape(command, memory, part, effects, index):
     """The volume that is asked for after the engine's effects, m^3, and the memory."""
     rest, lost = part.neutral, effects.lost_travel
     # the bias is of the volume itself, so that it acts where the engine stands at its stop, too
-    return command_within(command, memory, rest, part.low, part.high, effects.gain, 0.0, effects.deadband, 0.0, lost)
+    return command_within(
+        command, memory, rest, part.low, part.high, effects.gain, 0.0, effects.deadband, 0.0, 0.0, lost
+    )
 
 
 @compiled

@@ -56,6 +56,7 @@ SlideEffects = effects_on_commands(
         "gain": 0.1,
         "deadband": 1e-3,
         "backlash": 2e-3,
+        "stiction": 2e-3,
         "dead_time": 2.0,
         "lost_travel": 2e-3,
         "lag": 2.0,
@@ -75,6 +76,7 @@ TurnEffects = effects_on_commands(
         "gain": 0.1,
         "deadband": 0.02,
         "backlash": 0.04,
+        "stiction": 0.04,
         "dead_time": 2.0,
         "lost_travel": 0.05,
         "lag": 2.0,
@@ -97,24 +99,26 @@ class BothEffects:
 
 @compiled
 def _shaped(command, memory, low, high, e):
-    return command_within(command, memory, 0.0, low, high, e.gain, e.offset, e.deadband, e.backlash, e.lost_travel)
+    return command_within(
+        command, memory, 0.0, low, high, e.gain, e.offset, e.deadband, e.backlash, e.stiction, e.lost_travel
+    )
 
 
 @compiled
 def shape_slide(command, memory, part, effects, index):
-    """How far it is told to slide after its effects, m, and the backlash memory."""
+    """How far it is told to slide after its effects, m, and the memory."""
     return _shaped(command, memory, -part.back, part.forth, effects)
 
 
 @compiled
 def shape_turn(command, memory, part, effects, index):
-    """How far it is told to turn after its effects, rad, and the backlash memory."""
+    """How far it is told to turn after its effects, rad, and the memory."""
     return _shaped(command, memory, -part.turn, part.turn, effects)
 
 
 @compiled
 def shape_both(command, memory, part, effects, index):
-    """The command of that index, 0 to slide and 1 to turn, after its effects, and the backlash memory."""
+    """The command of that index, 0 to slide and 1 to turn, after its effects, and the memory."""
     if index == 0:
         return _shaped(command, memory, -part.back, part.forth, effects.slide)
     return _shaped(command, memory, -part.turn, part.turn, effects.turn)

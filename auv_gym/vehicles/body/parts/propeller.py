@@ -118,6 +118,7 @@ def shape(command, memory, part, effects, index):
         effects.offset * limit,
         effects.deadband * limit,
         0.0,
+        0.0,
         limit - effects.lost_travel * limit,
     )
 

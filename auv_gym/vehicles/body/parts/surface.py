@@ -58,9 +58,10 @@ SurfaceEffects = effects_on_commands(
 
 @compiled
 def shape(command, memory, part, effects, index):
-    """The commanded angle after the actuator's effects, and the new backlash memory, rad."""
+    """The commanded angle after the actuator's effects, and the new memory, rad."""
     e = effects  # number by number: the records of two kinds are not to be taken for one another
-    return shaped_command(command, memory, e.gain, e.offset, e.deadband, e.backlash, part.limit - e.lost_travel)
+    stop = part.limit - e.lost_travel
+    return shaped_command(command, memory, e.gain, e.offset, e.deadband, e.backlash, e.stiction, stop)
 
 
 @compiled

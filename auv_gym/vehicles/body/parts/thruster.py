@@ -112,7 +112,7 @@ def share_of_pulse(command):
 
 @compiled
 def _shaped(share, memory, part, e):
-    return shaped_command(share, memory, e.gain, e.offset, e.deadband, 0.0, part.limit - e.lost_travel)
+    return shaped_command(share, memory, e.gain, e.offset, e.deadband, 0.0, 0.0, part.limit - e.lost_travel)
 
 
 @compiled

@@ -11,12 +11,13 @@ from identification.deciding import SEEN
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search import candidates
 from identification.diagnosis.search.candidates import COMMON_DELAY, Candidate, candidates_of, periods_of, screen
+from identification.diagnosis.search.trials import trials_of
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.experiments.missions import run_mission
 from tests.identification.gliders import QUICK
 
 DEADBAND, LAG, OFFSET = "effects.rudder.deadband", "effects.compass.lag", "effects.rudder.offset"
-GAIN = "effects.rudder.gain"
+GAIN, STICTION = "effects.rudder.gain", "effects.rudder.stiction"
 COEFFICIENTS = QUICK.family.coefficients
 BAR = 16.0
 
@@ -165,3 +166,23 @@ def test_a_delay_of_all_readings_is_sought_where_it_is_not_one_commands_dead_tim
     ]
     assert sought == [False, True]
     assert any(c.paths == ("effects.clock.rate",) for c in candidates_of(plant))
+
+
+def test_what_sticks_is_found_by_its_size_alone():
+    """A rudder that sticks by 4.3 probes: neither its slope at neutral nor one over five probes shows it."""
+    size = 4.3 * spec_at(QUICK, STICTION).probe
+    rng = np.random.default_rng(8)
+    bench = bench_of(run_mission(replace_at(QUICK, STICTION, size), rng, duration=900.0))
+    state = bench.fit(QUICK, COEFFICIENTS)
+    (found,) = screen(bench.problem, state.point, state.paths, [candidate(STICTION)], BAR)
+    assert found.tried == len(candidates.JUMPING_STEPS)
+    assert found.estimate[0] == pytest.approx(4.3, rel=0.1)  # a tenth is from one size that is tried to the next
+    assert found.evidence > BAR
+    others = [one for one in candidates_of(QUICK) if one.paths[0] in (OFFSET, DEADBAND, GAIN)]
+    assert all(found.evidence > one.evidence for one in screen(bench.problem, state.point, state.paths, others, BAR))
+    trials = trials_of(bench, state, [candidate(STICTION), *others], 50, lambda *_: None, ())
+    assert trials[0].candidate.paths == (STICTION,)
+    assert not trials[0].objection
+    assert value_at(trials[0].state.plant, STICTION) == pytest.approx(size, rel=0.02)
+    low, high = bench.interval(trials[0].state, STICTION)
+    assert low <= size <= high
