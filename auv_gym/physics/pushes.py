@@ -55,3 +55,12 @@ def misread(y, push, kicks):
         output = misreads(kicks[j])
         if output >= 0:
             y[output] += push[j]
+
+
+def ways_of(kicks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which noise is the first of each way to push a vehicle, (K,), and which way each has, (D,); -1 for none."""
+    way, known = np.full(len(kicks), -1), dict[tuple[float, ...], int]()
+    for d, (state, *shares, _) in enumerate(kicks.tolist()):
+        if state >= 0.0 and any(shares):
+            way[d] = known.setdefault((state, *shares), len(known))
+    return np.array([int(np.argmax(way == k)) for k in range(len(known))], dtype=int), way

@@ -35,7 +35,7 @@ def nudge(state, moved, probes, tried):
 
 def filtered(
     vectors, until, begin, stop, carried, constant, times, inputs, first, references, longest_step, stride, shares,
-    starts, roots, measured, finite, counts, columns, moved, probes, pushed, kicks, durations, decays,
+    starts, roots, measured, finite, counts, columns, moved, probes, ways, pushed, kicks, durations, decays,
     variances, deviations, correlation, path, a, c, y, after,
 ):  # fmt: skip
     """The filter of a vehicle through the stretches of a record, of which are kept its path and the slopes along it.
@@ -44,8 +44,9 @@ def filtered(
     begin to shares, starts: see `auv_gym.plant.rollout.rollout`; starts (W, F), F = STATES + SENSORS + D.
     roots: (W, n, n), transposed, of the covariances of the live states (n,) with which stretches begin.
     measured: (rows, C), finite, counts: see `identification.fit.kalman.System`; columns: (C,), among the outputs.
-    moved: the live states, (n,), and with a stride of several samples the accelerations after them, (n + D,); probes:
-    by which they are moved.  pushed: (D,), the live states that accelerations push, see `kicks`.
+    moved: the live states, (n,), and with a stride of several samples the first acceleration of each way to push after
+    them, (n + K,); probes: by which they are moved.  ways: (D,), the way of each, or -1.
+    pushed: (D,), the live states that accelerations push, see `kicks`.
     decays: (rows, D).  variances: (C,); deviations, correlation: (D,), of the accelerations, s.
     path: (rows, F), where the slopes are taken: the filtered states, or with a stride of several samples those before a
     row's readings, which are known when it ends.  a: (rows, n, n) and c: (rows, C, n), slopes of the next row's live
@@ -97,11 +98,14 @@ def filtered(
             )  # fmt: skip
             for m in range(count):
                 error[m] = measured[row, m] - seen[0, columns[m]] if finite[row, m] else 0.0
-                for j in range(many - 1):  # an acceleration does nothing to a single reading
+                for j in range(size):
                     slopes[m, j] = (seen[j + 1, columns[m]] - seen[0, columns[m]]) / probes[j]
-                for d in range(pushes):  # but an error that lasts is added to it
+                for d in range(pushes):  # an acceleration does nothing to a single reading
+                    j = size + ways[d]
                     if misreads(kicks[d]) >= 0:
                         slopes[m, size + d] = 1.0 if misreads(kicks[d]) == columns[m] else 0.0
+                    elif ways[d] >= 0:
+                        slopes[m, size + d] = (seen[j + 1, columns[m]] - seen[0, columns[m]]) / probes[j]
             mean[:] = 0.0
             gains[:, :] = 0.0
             whiten[:, :] = 0.0
@@ -131,13 +135,14 @@ def filtered(
                     a[row, i, j] = (moved_on[j + 1, live[i]] - moved_on[0, live[i]]) / probes[j]
                     onward[j, i] = a[row, i, j]
             for d in range(pushes):
-                if kicks[d, 0] >= 0.0:
+                j = size + ways[d]
+                if ways[d] >= 0:
+                    for i in range(size):
+                        onward[size + d, i] = (moved_on[j + 1, live[i]] - moved_on[0, live[i]]) / probes[j]
+                elif kicks[d, 0] >= 0.0:
                     for i in range(size):
                         onward[size + d, i] = durations[row] * kicks[d, 1] * onward[pushed[d], i]
                     onward[size + d, pushed[d]] += durations[row] * kicks[d, 2]
-            for j in range(size, many - 1):
-                for i in range(size):
-                    onward[j, i] = (moved_on[j + 1, live[i]] - moved_on[0, live[i]]) / probes[j]
             for i in range(STATES + SENSORS):
                 state[i] = moved_on[0, i]
             for j in range(total):

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from auv_gym.physics.pushes import misreads
+from auv_gym.physics.pushes import misreads, ways_of
 from identification.fit.extended import program_of
 from identification.fit.kalman import System
 from identification.fit.parameters import moves_of
@@ -45,14 +45,17 @@ class Linearised(Stretches):
         found, seen = np.empty((rows, own.size)), np.empty(self.measured.shape)
         a, c = np.empty((rows, live.size, live.size)), np.empty((rows, self.measured.shape[1], live.size))
         until, vectors = plant.pieces(vector)
-        pushing = np.flatnonzero(there if self.stride > 1 else there[:0])
-        moved, probes = np.r_[live, states + np.arange(len(pushing))], self._probes(np.r_[live, states + pushing])
+        first, ways = ways_of(self.kicks[there])
+        if self.stride == 1:  # an acceleration does nothing to a single reading
+            first, ways = first[:0], np.full_like(ways, -1)
+        pushing = np.flatnonzero(there)[first]
+        moved, probes = np.r_[live, states + first], self._probes(np.r_[live, states + pushing])
         self.work.add((1 + len(moved)) * rows * self.stride)
         with np.errstate(all="ignore"):  # of one that runs away
             program_of(plant)(
                 vectors, until, runs.begin, runs.stop, self.carried, self._shared, runs.times, runs.inputs, runs.first,
                 runs.references, plant.longest_step, runs.stride, runs.shares, np.ascontiguousarray(starts[:, own]),
-                roots, self.measured, self.finite, self.counts, self.columns, moved, probes,
+                roots, self.measured, self.finite, self.counts, self.columns, moved, probes, ways,
                 np.searchsorted(live, self._pushed[there]), np.ascontiguousarray(self.kicks[there]), self.durations,
                 np.exp(-self.durations[:, None] / times[there]), variances, deviations[there], times[there],
                 found, a, c, seen, after,
@@ -74,15 +77,17 @@ class Linearised(Stretches):
         """The system of slopes along a path, and of the outputs and next states from there, see `_slopes`."""
         live, solid, pushed = self.live, len(self.live), len(self.pushed)
         rows = len(self.rows)
+        kicked, felt = np.zeros((rows, solid, pushed)), np.zeros((rows, c.shape[1], pushed))
+        for d in np.flatnonzero(self.kicks[:, 0] < 0.0):
+            felt[:, self.columns == misreads(self.kicks[d]), d] = 1.0
+        first, ways = ways_of(self.kicks)
+        acting = ways >= 0
         if self.stride > 1:
-            kicked, felt = self._slopes(vector, path, live, self._size + np.arange(pushed))[:2]
+            moving, seen = self._slopes(vector, path, live, self._size + first)[:2]
+            kicked[:, :, acting], felt[:, :, acting] = moving[:, :, ways[acting]], seen[:, :, ways[acting]]
         else:
-            kicked, felt = np.zeros((rows, solid, pushed)), np.zeros((rows, c.shape[1], pushed))
-            for d, i in enumerate(self._pushed):
-                if self.kicks[d, 0] < 0.0:
-                    felt[:, self.columns == misreads(self.kicks[d]), d] = 1.0
-                    continue
-                j = int(np.flatnonzero(live == i)[0])
+            for d in np.flatnonzero(acting):
+                j = int(np.flatnonzero(live == self._pushed[d])[0])
                 kicked[:, :, d] = self.kicks[d, 1] * a[:, :, j]
                 kicked[:, j, d] += self.kicks[d, 2]
             kicked *= self.durations[:, None, None]
