@@ -10,15 +10,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from auv_gym.threads import side_by_side
-from identification.deciding import PAIRS
+from identification.deciding import LEAST_TRACE, PAIRS
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, Screening, screen_pairs
-from identification.diagnosis.search.trials import (
-    Trial,
-    gate,
-    rival_of,
-    tried_from,
-)
+from identification.diagnosis.search.trials import Begun, Trial, all_finished, begun_from, finalists_of, gate, rival_of
 from identification.diagnosis.search.workbench import State, Workbench
 
 
@@ -37,12 +32,18 @@ def best_pair(
         pairs = screen_pairs(bench.problem, base.point, state.paths, left, threshold(many, 2), PAIRS, instead)
         rival = rival_of(bench, state, base)
         promising += [(base, rival, whole, parts) for whole, parts in pairs]
+    tried = side_by_side(lambda one: begun_from(bench, state, one[0], one[2], one[1]), promising)
+    begun: dict[Candidate, tuple[Begun, tuple[Screening, Screening]]] = {}
+    for one, (*_, parts) in zip(tried, promising, strict=True):  # the same pair may come from several bases
+        known = begun.setdefault(one.screening.candidate, (one, parts))
+        if one.promise > known[0].promise:
+            begun[one.screening.candidate] = one, parts
+    finalists = finalists_of([one for one, _ in begun.values()], (), LEAST_TRACE * threshold(many, 2))
     found = []
-    tried = side_by_side(lambda one: tried_from(bench, state, one[0], one[1], one[2], many), promising)
-    for whole, (*_, parts) in zip(tried, promising, strict=True):
+    for whole in all_finished(bench, state, finalists, many):
         if whole.objection or whole.state is None:
             continue
-        members = [_beside(bench, whole.state, one, count) for one in parts]
+        members = [_beside(bench, whole.state, one, count) for one in begun[whole.candidate][1]]
         if not any(t.objection for t in members):
             found.append((whole.total, members))
     if not found:

@@ -91,17 +91,17 @@ def trials_of(
 
     def begin(screening: Screening) -> Begun:
         base, here = bases[screening.candidate], first[screening.candidate]
-        begun = _begun(bench, state, base, screening, rivals[base])
+        begun = begun_from(bench, state, base, screening, rivals[base])
         if base is state or begun.promise >= here.evidence or here.evidence < LEAST_TRACE * threshold(count):
             return begun
         # far from where the state is, a few steps may lead nowhere
-        return max(begun, _begun(bench, state, state, here, state), key=lambda one: one.promise)
+        return max(begun, begun_from(bench, state, state, here, state), key=lambda one: one.promise)
 
     begun = side_by_side(begin, listed)
     progress(0.6, "fitting what is left of it")
 
-    finalists = _finalists(begun, plain, LEAST_TRACE * threshold(count))
-    trials = _all_finished(bench, state, finalists, count)
+    finalists = finalists_of(begun, plain, LEAST_TRACE * threshold(count))
+    trials = all_finished(bench, state, finalists, count)
     # with too little process noise all promise too much: what finalists keep of it tells by how much
     promised = {b.screening.candidate: b.promise for b in finalists if b.state.quiet and b.promise > 0.0}
     both = [(t.train, promised[t.candidate]) for t in trials if t.candidate in promised]
@@ -109,7 +109,7 @@ def trials_of(
     gain = {b.screening.candidate: b.promise * (kept if b.state.quiet else 1.0) for b in begun}
     late = _overtaken(begun, trials, gain, threshold(count))
     if late and bench.goes_on(_FITTING):
-        trials += _all_finished(bench, state, late, count)
+        trials += all_finished(bench, state, late, count)
     done, chosen = {t.candidate for t in trials}, {b.screening.candidate for b in (*finalists, *late)}
     for screening in screened:
         if screening.candidate not in done:
@@ -126,18 +126,6 @@ def trials_of(
             size = reached if np.isfinite(reached) else 0.0
             trials.append(Trial(screening.candidate, None, size, 0.0, screening, reason))
     return sorted(trials, key=lambda t: -t.total)
-
-
-def tried_from(bench: Workbench, state: State, base: State, rival: State, screening: Screening, count: int) -> Trial:
-    """The trial of a candidate, against a state, that is fitted from the base that it was screened from.
-
-    rival: see `rival_of`.
-    """
-    begun = _begun(bench, state, base, screening, rival)
-    if not begun.promise >= LEAST_TRACE * threshold(count, len(screening.candidate.free)):
-        size = begun.promise if np.isfinite(begun.promise) else 0.0
-        return Trial(screening.candidate, None, size, 0.0, screening, NO_TRACE)
-    return _finished(bench, state, begun, count)
 
 
 def _screened(
@@ -248,7 +236,7 @@ def rival_of(bench: Workbench, state: State, base: State) -> State:
     return max((there, *rivals), key=lambda one: problem.objective(one.point, paths))
 
 
-def _begun(bench: Workbench, state: State, base: State, screening: Screening, rival: State) -> Begun:
+def begun_from(bench: Workbench, state: State, base: State, screening: Screening, rival: State) -> Begun:
     """The candidate's state after steps with the gains of a state without it, from its likeliest first values.
 
     rival: what it promises more than.
@@ -282,7 +270,7 @@ def _finished(bench: Workbench, state: State, begun: Begun, count: int) -> Trial
     return judged(bench, state, begun.screening.candidate, begun.screening, near, count)
 
 
-def _all_finished(bench: Workbench, state: State, begun: Sequence[Begun], count: int) -> list[Trial]:
+def all_finished(bench: Workbench, state: State, begun: Sequence[Begun], count: int) -> list[Trial]:
     """The trials of candidates that were begun, the first one whatever it takes."""
 
     def finish(one: Begun) -> Trial | None:
@@ -293,7 +281,7 @@ def _all_finished(bench: Workbench, state: State, begun: Sequence[Begun], count:
     return [trial for trial in side_by_side(finish, begun) if trial is not None]
 
 
-def _finalists(begun: Sequence[Begun], plain: Collection[str], least: float) -> list[Begun]:
+def finalists_of(begun: Sequence[Begun], plain: Collection[str], least: float) -> list[Begun]:
     """Those of the short list that are fitted to the end: by what they promise, which must be the least or more."""
     worth = (b for b in begun if b.promise >= least or not set(plain).isdisjoint(b.screening.candidate.paths))
     finite = sorted((b for b in worth if np.isfinite(b.promise)), key=lambda b: -b.promise)
@@ -325,8 +313,11 @@ def _overtaken(
 def judged(
     bench: Workbench, state: State, candidate: Candidate, screening: Screening, near: State, count: int
 ) -> Trial:
-    """The trial of a candidate fitted from a state near by."""
-    reached = bench.likelier_from_given(tried(bench.problem, near), HOPELESS)
+    """The trial of a candidate fitted from a state near by.
+
+    Weaker accelerations were tried where it began; `attribute` does so with what is chosen.
+    """
+    reached = bench.likelier_from_given(tried(bench.problem, near, quieter=False), HOPELESS)
     found = gate(bench, state, reached, [(candidate, screening)], count)
     return Trial(candidate, reached, found.train, found.held, screening, found.objection)
 

@@ -1,6 +1,7 @@
 """Two effects that show only together: how pairs are screened, and what the best one must pass."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -166,22 +167,29 @@ def promising(monkeypatch, together=(200.0, 100.0), first=(20.0, 1.0), second=(9
     bench.quieted = lambda state: ()
     monkeypatch.setattr(pairs, "screen_pairs", lambda *_: [(whole, parts)])
 
-    def tried(bench, state, base, rival, screening, count):
-        said = pairs.gate(bench, state, both, [(screening.candidate, screening)], count)
-        return Trial(screening.candidate, both, said.train, said.held, screening, said.objection)
+    def finished(bench, state, begun, count):
+        said = pairs.gate(bench, state, both, [(whole.candidate, whole)], count)
+        return [Trial(whole.candidate, both, said.train, said.held, whole, said.objection)]
 
-    monkeypatch.setattr(pairs, "tried_from", tried)
+    monkeypatch.setattr(pairs, "begun_from", lambda bench, state, *_: trials.Begun(whole, both, 50.0))
+    monkeypatch.setattr(pairs, "all_finished", finished)
     return bench, both
 
 
 def test_a_pair_that_promises_next_to_nothing_after_a_few_steps_is_not_fitted(screened, monkeypatch):
+    """And of one that comes from several bases, that which promises more."""
     bench, state, candidates, found = screened
-    pair, count = found[0][0], len(candidates)
-    bar = trials.threshold(count, len(pair.candidate.free))
-    monkeypatch.setattr(trials, "_finished", lambda bench, state, begun, count: "fitted")
-    for promise, fitted in ((0.19 * bar, False), (0.21 * bar, True), (np.nan, False)):
-        begun = trials.Begun(pair, state, promise)
-        monkeypatch.setattr(trials, "_begun", lambda *_, begun=begun: begun)
-        tried = trials.tried_from(bench, state, state, state, pair, count)
-        assert (tried == "fitted") is fitted
-        assert fitted or tried.objection == trials.NO_TRACE
+    pair, count = found[0], len(candidates)
+    bar = trials.threshold(count * (count - 1) // 2, 2)
+    bases = [state, state]
+    bench = SimpleNamespace(problem=bench.problem, with_given=lambda s: bases[1:], quieted=lambda s: ())
+    monkeypatch.setattr(pairs, "screen_pairs", lambda *_: [pair])
+    monkeypatch.setattr(pairs, "rival_of", lambda *_: state)
+    fitted = []
+    monkeypatch.setattr(pairs, "all_finished", lambda bench, state, begun, count: fitted.append(list(begun)) or [])
+    for promises, kept in (((0.19, 0.1), []), ((0.21, 0.3), [0.3]), ((0.4, 0.3), [0.4]), ((np.nan, 0.1), [])):
+        left = list(promises)
+        begun = lambda *_, left=left: trials.Begun(pair[0], state, left.pop(0) * bar)  # noqa: E731
+        monkeypatch.setattr(pairs, "begun_from", begun)
+        assert pairs.best_pair(bench, state, candidates, count, None) is None
+        assert [one.promise / bar for one in fitted.pop()] == pytest.approx(kept)

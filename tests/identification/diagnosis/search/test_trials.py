@@ -91,8 +91,8 @@ def test_finalists_from_a_quieted_state_get_the_noises_that_suit_them(start, mon
         nears[candidate] = near
         return trials.Trial(candidate, near, 1.0, 1.0, screening, "")
 
-    own = trials._begun
-    monkeypatch.setattr(trials, "_begun", begin)
+    own = trials.begun_from
+    monkeypatch.setattr(trials, "begun_from", begin)
     monkeypatch.setattr(trials, "judged", kept)
     trials_of(bench, state, candidates, len(candidates), quiet, ())
     renewed = [c for c in nears if begun[c].state.quiet]
@@ -142,7 +142,7 @@ def test_starts_move_with_a_candidate_and_the_coefficients_that_it_moves():
     state = bench.fit(bench.plant, bench.plant.coefficients)
     (one,) = screen(bench.problem, state.point, state.paths, [Candidate(pump, (pump,))], 10.0)
     assert one.evidence > 30.0
-    assert trials._begun(bench, state, state, one, state).promise == pytest.approx(one.evidence, rel=0.1)
+    assert trials.begun_from(bench, state, state, one, state).promise == pytest.approx(one.evidence, rel=0.1)
 
 
 @pytest.mark.parametrize("here, there, taken", [(50.0, 40.0, "here"), (30.0, 40.0, "there"), (1.0, -40.0, "there")])
@@ -159,8 +159,8 @@ def test_what_leads_nowhere_from_another_base_begins_where_the_state_is(start, m
 
     monkeypatch.setattr(trials, "_screened", lambda *_: ([one], {offset: base}, {offset: one}))
     monkeypatch.setattr(trials, "_short_list", lambda screened, *_: screened)
-    monkeypatch.setattr(trials, "_begun", begun)
-    monkeypatch.setattr(trials, "_finalists", lambda begun, *_: fitted.extend(begun) or [])
+    monkeypatch.setattr(trials, "begun_from", begun)
+    monkeypatch.setattr(trials, "finalists_of", lambda begun, *_: fitted.extend(begun) or [])
     trials_of(bench, state, [offset], len(candidates), quiet, ())
     assert [b.state for b in fitted] == [state if taken == "here" else base]
 
@@ -187,10 +187,10 @@ def test_beside_coefficients_as_given_what_is_idle_promises_nothing(seed):
     state = bench.fit(QUICK, paths)
     (base,) = bench.with_given(state)
     (one,) = screen(bench.problem, base.point, paths, [Candidate(idle, (idle,))], 10.0)
-    promised = trials._begun(bench, state, base, one, trials.rival_of(bench, state, base)).promise
+    promised = trials.begun_from(bench, state, base, one, trials.rival_of(bench, state, base)).promise
     assert promised < 1.0
     fixed = replace(state, point=bench.problem.point(state.point.vector, base.point.logs, state.point))
-    assert trials._begun(bench, state, base, one, fixed).promise > 10.0  # as much as a finalist
+    assert trials.begun_from(bench, state, base, one, fixed).promise > 10.0  # as much as a finalist
 
 
 def test_a_candidate_promises_more_than_what_is_free_without_it_brings(start, monkeypatch):
@@ -202,7 +202,7 @@ def test_a_candidate_promises_more_than_what_is_free_without_it_brings(start, mo
     base = replace(state, plant=off, point=bench.problem.with_gains(state.point, off.vector), quiet=True)
     monkeypatch.setattr(bench, "quieted", lambda state: (base,))
     screening = screen(bench.problem, base.point, state.paths, [offset], 10.0)[0]
-    promised = trials._begun(bench, state, base, screening, trials.rival_of(bench, state, base))
+    promised = trials.begun_from(bench, state, base, screening, trials.rival_of(bench, state, base))
     whole = bench.gain(base, promised.state) / trials.misjudged(bench, base)
     assert 0.0 < promised.promise < 0.8 * whole
     # and where the state itself cannot be quieter, it is what has to be surpassed
@@ -241,7 +241,7 @@ def test_one_without_a_stable_run_is_refused(start, monkeypatch):
         lost = replace(state.point, scores=np.full_like(state.point.scores, -np.inf))
         return trials.Begun(screening, State(state.plant, (*state.paths, *screening.candidate.free), lost), -np.inf)
 
-    monkeypatch.setattr(trials, "_begun", diverged)
+    monkeypatch.setattr(trials, "begun_from", diverged)
     only = [c for c in candidates if OFFSET in c.paths]
     (found,) = trials_of(bench, state, only, len(candidates), quiet, ())
     assert found.objection == UNSTABLE
@@ -252,7 +252,7 @@ def test_a_first_value_whose_run_is_lost_gives_way_to_the_others(start):
     bench, state, candidates = start
     (offset,) = (c for c in candidates if OFFSET in c.paths)
     problem, screening = bench.problem, screen(bench.problem, state.point, state.paths, [offset], 10.0)[0]
-    whole, lost = trials._begun(bench, state, state, screening, state), []
+    whole, lost = trials.begun_from(bench, state, state, screening, state), []
 
     class Losing:
         """The problem, of which the first run asked for is lost as it is in the filter: nothing in it is a number."""
@@ -267,7 +267,7 @@ def test_a_first_value_whose_run_is_lost_gives_way_to_the_others(start):
 
     other = copy(bench)
     other.problem = Losing()
-    begun = trials._begun(other, state, state, screening, state)
+    begun = trials.begun_from(other, state, state, screening, state)
     assert len(lost) > 1
     assert begun.state.finite
     assert value_at(begun.state.plant, OFFSET) == pytest.approx(value_at(whole.state.plant, OFFSET), rel=0.2)
@@ -426,7 +426,7 @@ def test_one_beside_louder_promises_is_fitted_all_the_same(start, monkeypatch):
     bench, state, candidates = start
     left = [c for c in candidates if c.paths[0] in (OFFSET, LAG)]
     monkeypatch.setattr(
-        trials, "_finalists", lambda begun, plain, least: [b for b in begun if b.screening.candidate != left[0]]
+        trials, "finalists_of", lambda begun, plain, least: [b for b in begun if b.screening.candidate != left[0]]
     )
     monkeypatch.setattr(trials, "_short_list", lambda screened, here, bar, plain: screened)
     monkeypatch.setattr(bench, "quieted", lambda state: ())
@@ -441,7 +441,7 @@ def test_finalists_are_the_three_best_and_whatever_is_near_the_best_or_plain():
 
     def finalists(reached, plain=()):
         begun = [trials.Begun(screened_of(p), state_of(QUICK, p), r) for p, r in zip(paths, reached, strict=True)]
-        return [b.screening.candidate.paths[0] for b in trials._finalists(begun, plain, 2.0)]
+        return [b.screening.candidate.paths[0] for b in trials.finalists_of(begun, plain, 2.0)]
 
     assert finalists([79.0, 81.0, 82.0, 83.0, 100.0, 10.0]) == [paths[k] for k in (4, 3, 2, 1)]
     assert finalists([1.0, 2.0, 3.0, 4.0, 100.0, 0.0], (paths[5],)) == [paths[k] for k in (4, 3, 2, 5)]
