@@ -115,6 +115,11 @@ def in_shortest_rows(problem: PredictionErrors) -> PredictionErrors:
     return problem.in_rows_of(least) if problem.stride > least else problem
 
 
+def cannot_be_shorter(problem: PredictionErrors) -> bool:
+    """Whether rows of several samples are the shortest that a long record allows."""
+    return 1 < problem.stride <= _least(len(problem.rows) * problem.stride, _STRIDES)
+
+
 def _misled(told: FirstOrder | None, known: FirstOrder | None) -> bool:
     """Whether a step of a fit leads elsewhere than that of shorter rows, see `_next_step`; not where there is none."""
     if told is None or known is None:

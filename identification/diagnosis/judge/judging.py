@@ -25,6 +25,7 @@ from identification.diagnosis.search.remainder import passing_effect
 from identification.diagnosis.search.searching import Searched
 from identification.diagnosis.search.trials import Progress
 from identification.fit.residual import residual_summary
+from identification.fit.strides import cannot_be_shorter
 
 
 def judge(log: CheckedLog, searched: Searched, source: str, progress: Progress) -> Diagnosis:
@@ -93,6 +94,7 @@ def judge(log: CheckedLog, searched: Searched, source: str, progress: Progress) 
         habitat=remaining.habitat,
         noise=bench.problem.noise_at(state.point),
         averaged=bench.problem.averaged,
+        shortest=cannot_be_shorter(bench.problem),
         left=found.left,
         source=source,
         versions=_versions(),

@@ -66,7 +66,8 @@ class Result:
     are not named, each with the reason (`RARE`, `VARIES`, `WORSE`, `NEEDLESS`, `LEANS`).  explained: share of the
     squared error above the measurement noise that the effects remove.  windows: slices of the record, by part.
     doubts: what is wrong with the log itself.  discovery, habitat: of what no effect explains, where something is left.
-    averaged: s, over which readings were averaged, 0 where each was read by itself.
+    averaged: s, over which readings were averaged, 0 where each was read by itself.  shortest: whether the log is too
+    long for less.
     noise: of a sensor's reading and of the motion, as the filter found it.  left: what its one-step errors hold
     that noise would not.
     resting: states that nothing measures.  left_out: channels that were not compared.
@@ -106,6 +107,7 @@ class Result:
     habitat: Habitat | None = None
     noise: Noise | None = None
     averaged: float = 0.0
+    shortest: bool = False
     left: Left = field(default_factory=Left)
     resting: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()

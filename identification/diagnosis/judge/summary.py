@@ -414,7 +414,10 @@ def averaged_sentence(d: Result) -> str:
     """The interval over which readings were averaged and why, or nothing."""
     if not d.averaged:
         return ""
-    return (
-        f"The fit used readings averaged over {quantity(d.averaged, 's')}, since the log is so dense that this saves "
-        "time and loses almost no information."
-    )
+    told = f"The fit used readings averaged over {quantity(d.averaged, 's')}, since the log is so "
+    if d.shortest:
+        return (
+            f"{told}long that shorter averages would take too much time. If a controller reacts faster than that, "
+            "damping and delays may be biased: diagnose a shorter part of the log as well."
+        )
+    return f"{told}dense that this saves time and loses almost no information."

@@ -1,6 +1,7 @@
 """Averages mislead fits where commands answer readings of their own row, and rows are then shorter."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -75,6 +76,15 @@ def test_a_long_record_keeps_rows_that_a_fit_can_get_through(steered, monkeypatc
     point = problem.solve(GLIDER, PATHS)
     monkeypatch.setattr(strides, "MOST_ROWS", ROWS // STRIDE)
     assert in_suited_rows(problem, point, PATHS) is problem
+
+
+@pytest.mark.parametrize(
+    "rows, stride, shortest", [(3000, 3, True), (2000, 5, False), (1000, 5, False), (9000, 1, False)]
+)
+def test_rows_of_a_long_record_are_known_to_be_the_shortest(rows, stride, shortest):
+    """Of 9000, 10,000 and 5000 samples, of which the first two must keep to 3000 rows; and of single readings."""
+    problem = SimpleNamespace(rows=np.arange(rows), stride=stride)
+    assert strides.cannot_be_shorter(problem) is shortest  # type: ignore[arg-type]
 
 
 def test_a_problem_in_other_rows_is_the_one_made_so(steered):

@@ -182,8 +182,10 @@ def test_a_tie_does_not_lead_with_what_is_less_probable(probability, words, orde
 
 
 def test_readings_are_said_to_be_averaged_with_the_reason():
-    said = averaged_sentence(SimpleNamespace(averaged=0.6))  # type: ignore[arg-type]
+    said = averaged_sentence(SimpleNamespace(averaged=0.6, shortest=False))  # type: ignore[arg-type]
     assert said.startswith("The fit used readings averaged over 0.6 s, since the log is so dense that")
+    said = averaged_sentence(SimpleNamespace(averaged=0.6, shortest=True))  # type: ignore[arg-type]
+    assert "so long that shorter averages would take too much time. If a controller reacts faster than that" in said
     assert averaged_sentence(SimpleNamespace(averaged=0.0)) == ""  # type: ignore[arg-type]
 
 
