@@ -363,7 +363,8 @@ def described(plant: Plant, record: Record) -> Record:
     """The samples of a record that the vehicle's family describes; notes say what is left out, and what is assumed.
 
     `elapsed_s` counts what is left out, since what grows with time goes on over it: from the beginning of the log, or
-    over all dives of a vehicle whose dives may differ (`Family.by_dive`).  Raises ValueError where nothing is left.
+    over all dives of a vehicle whose dives may differ (`Family.by_dive`).  Channels that never
+    change are left out, too, see `_never_read`.  Raises ValueError where nothing is left.
     """
     lines = [
         f"The log has no {channel(name).label} ({name}): {plant.constants[name]:g}{_unit(name)} is assumed throughout."
@@ -381,8 +382,25 @@ def described(plant: Plant, record: Record) -> Record:
         elapsed = record.time - record.time[0] if plant.family.by_dive else elapsed_over_gaps(record)
         record = record.with_channels({"elapsed_s": elapsed})
     kept = record.select(~left_out) if left_out.any() else record
+    if still := _never_read(plant, kept):
+        lines.append(
+            f"{_listed(still)} {'never changes' if len(still) == 1 else 'never change'}, as no sensor's readings do: "
+            f"{'it is' if len(still) == 1 else 'they are'} left out."
+        )
+        kept = kept.without(still)
     new = [line for line in lines if line not in kept.notes]
     return kept.with_notes([*kept.notes, *new]) if new else kept
+
+
+def _never_read(plant: Plant, record: Record) -> list[str]:
+    """Outputs that are one number throughout, as a column that was filled in or a sensor that hangs.
+
+    Without those that the vehicle needs: these are refused (`check_excitation`).
+    """
+    needed = {plant.family.leading, *plant.family.required, *plant.inputs}
+    measured = {name: record[name] for name in plant.outputs if record.has(name) and name not in needed}
+    finite = {name: values[np.isfinite(values)] for name, values in measured.items()}
+    return [name for name, values in finite.items() if values.size > 1 and np.ptp(values) == 0.0]
 
 
 def _left_out(plant: Plant, found: Mapping[str, np.ndarray]) -> str:

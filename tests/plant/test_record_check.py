@@ -50,6 +50,25 @@ def test_a_depth_above_the_surface_is_refused_by_diagnosis_and_fit(fit):
         fit(_record(depth_m=-20.0 - 5.0 * np.sin(TIME / 60.0)))
 
 
+@pytest.mark.parametrize(
+    "still, words",
+    [
+        (("roll_rad",), "roll_rad never changes, as no sensor's readings do: it is left out."),
+        (("roll_rad", "depth_m"), "roll_rad and depth_m never change, as no sensor's readings do: they are left out."),
+        ((), ""),
+    ],
+)
+def test_outputs_that_never_change_are_left_out(still, words):
+    """As columns that somebody filled with zeros; but not inputs, nor what the vehicle must have."""
+    torpedo, time = load_vehicle("vt690"), np.arange(0.0, 60.0, 0.1)
+    moving = np.sin(time)
+    channels = dict.fromkeys(("heading_rad", "rudder_rad", "roll_rad", "r_radps"), 0.1 * moving)
+    channels |= {"depth_m": 20.0 + moving, "stern_plane_rad": 0.0 * time, "speed_cmd_mps": 1.5 + 0.0 * time}
+    kept = described(torpedo, Record.from_arrays(time, channels | dict.fromkeys(still, 0.0 * time)))
+    assert {name for name in channels if not kept.has(name)} == set(still)
+    assert [line for line in kept.notes if "never change" in line] == ([words] if words else [])
+
+
 def test_a_few_wild_readings_are_left_out_and_more_are_refused():
     depth = 20.0 + 5.0 * np.sin(TIME / 60.0)
     wild = np.where(np.isin(np.arange(TIME.size), (100, 101, 500)), -300.0, depth)
