@@ -43,15 +43,13 @@ class PredictionErrors(Noises):
         iterations: int = 12,
         noise: bool = True,
         gain: float = LEAST_GAIN,
-        quieter: bool = True,
     ) -> Point:
         """The point of greatest likelihood over the paths and, with `noise`, the noises, from the plant's values.
 
         near: a point with noises and starts to begin with, which is not left if it is of these values and as likely.
         In turns: parameters with the filter's gains held, gains made anew, noises.  It ends where a turn raises the
         log-likelihood by less than `gain`.  Where turns bring hardly less than those before, they go along a narrow
-        valley by short steps, and the next one is made longer as long as that helps.  quieter: whether it is left for
-        what is reached from much weaker accelerations, if that is likelier.
+        valley by short steps, and the next one is made longer as long as that helps.
         """
         here, known = self._begun(plant.vector, near), None
         if noise:
@@ -76,7 +74,7 @@ class PredictionErrors(Noises):
             if answered and not exact:
                 exact = True  # no fit ends by slopes that were taken farther away
                 continue
-            there = self._weaker(here, paths, quieter) if noise else here
+            there = self._weaker(here, paths) if noise else here
             if not self.objective(there, paths) > self.objective(here, paths) + gain:
                 break
             here, known, exact = there, None, False
@@ -113,11 +111,11 @@ class PredictionErrors(Noises):
             there = self.with_gains(here, here.vector + _SHORTER * (there.vector - here.vector))
         return here
 
-    def _weaker(self, here: Point, paths: Sequence[str], quieter: bool) -> Point:
+    def _weaker(self, here: Point, paths: Sequence[str]) -> Point:
         """The likelier of what is reached from weaker accelerations: without any, or from much weaker ones."""
         there = self._stilled(here, paths)
-        if quieter and there is here and paths and self.pushed:
-            there = self.quieter(here, paths)
+        if there is here and paths and self.pushed:
+            there = self._quieter(here, paths)
         return there
 
     def _stilled(self, here: Point, paths: Sequence[str]) -> Point:
@@ -215,7 +213,7 @@ class PredictionErrors(Noises):
             there = point
         return there
 
-    def quieter(self, here: Point, paths: Sequence[str]) -> Point:
+    def _quieter(self, here: Point, paths: Sequence[str]) -> Point:
         """The point that is reached if what pushes the vehicle is taken for much weaker at first, or for brief.
 
         Where an effect was missing, accelerations have grown to take its part, and would leave little of it to find.

@@ -76,9 +76,8 @@ def attribute(
         if made.chosen is None:
             break
         assert made.chosen.state is not None
-        chosen = bench.likelier_quieter(made.chosen.state)
         # however far behind the given coefficients are at first: one fit a round, where trials could not afford it
-        state = bench.likelier_from_given(chosen, np.inf)
+        state = bench.likelier_from_given(made.chosen.state, np.inf)
         left = [c for c in left if c is not made.chosen.candidate]
         if bench.in_suited_steps(state) is not bench:  # all that follows would be repeated
             break

@@ -313,11 +313,8 @@ def _overtaken(
 def judged(
     bench: Workbench, state: State, candidate: Candidate, screening: Screening, near: State, count: int
 ) -> Trial:
-    """The trial of a candidate fitted from a state near by.
-
-    Weaker accelerations were tried where it began; `attribute` does so with what is chosen.
-    """
-    reached = bench.likelier_from_given(tried(bench.problem, near, quieter=False), HOPELESS)
+    """The trial of a candidate fitted from a state near by."""
+    reached = bench.likelier_from_given(tried(bench.problem, near), HOPELESS)
     found = gate(bench, state, reached, [(candidate, screening)], count)
     return Trial(candidate, reached, found.train, found.held, screening, found.objection)
 

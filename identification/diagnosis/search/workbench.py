@@ -51,9 +51,9 @@ class State:
         return bool(np.isfinite(self.point.scores).all())
 
 
-def tried(problem: PredictionErrors, near: State, quieter: bool = True) -> State:
-    """The likeliest state that a trial's fit reaches from a state; quieter: see `PredictionErrors.solve`."""
-    point = problem.solve(near.plant, near.paths, near.point, ITERATIONS, gain=TRIAL_GAIN, quieter=quieter)
+def tried(problem: PredictionErrors, near: State) -> State:
+    """The likeliest state that a trial's fit reaches from a state."""
+    point = problem.solve(near.plant, near.paths, near.point, ITERATIONS, gain=TRIAL_GAIN)
     return State(problem.plant_at(point, near.paths), near.paths, point)
 
 
@@ -201,11 +201,6 @@ class Workbench:
         """
         plant = self._put_back(state)
         return state if plant is None or not state.finite else self._likelier(state, plant, state, hopeless)
-
-    def likelier_quieter(self, state: State) -> State:
-        """The state, or what is reached from much weaker accelerations, whichever is likelier."""
-        point = self.problem.quieter(state.point, state.paths)
-        return state if point is state.point else State(self.problem.plant_at(point, state.paths), state.paths, point)
 
     def likelier_beside(self, state: State, trial: State) -> State:
         """The state, or what a fit reaches from a trial's end without what the trial has added, whichever is likelier.

@@ -322,7 +322,7 @@ def test_an_acceleration_without_which_the_log_is_likelier_is_absent():
     pushed[push] = np.log(0.03 * problem.unit[0])
     there = problem.point(point.vector, pushed, point)
     assert problem.pushes(there).any()
-    assert not problem.pushes(problem._weaker(there, PATHS, False)).any()
+    assert not problem.pushes(problem._weaker(there, PATHS)).any()
 
 
 def test_a_fit_that_goes_by_short_steps_goes_on_the_same_way(pushed, monkeypatch):
@@ -476,7 +476,7 @@ def test_weaker_accelerations_are_tried_only_where_the_filter_keeps_to_the_recor
         problem, "point", lambda *which: replace(there := own(*which), scores=there.scores - lost), raising=True
     )
     assert problem.quieted(point) is None
-    assert problem.quieter(point, PATHS) is point
+    assert problem._quieter(point, PATHS) is point
 
 
 def test_accelerations_that_suit_a_record_are_not_tried_at_other_strengths(pushed, monkeypatch):
@@ -508,12 +508,12 @@ def test_a_push_that_lasts_is_tried_as_a_brief_one_which_cannot_take_a_steady_ef
     assert brief.logs[-1] == problem.slowness[2]
     assert problem.hurried(brief) is None  # nothing lasts any more
     monkeypatch.setattr(problem, "quieted", lambda here: None)
-    assert problem.quieter(lasting, PATHS) is lasting  # 1.8 less likely in each row
+    assert problem._quieter(lasting, PATHS) is lasting  # 1.8 less likely in each row
     monkeypatch.setattr(prediction_errors, "FAR", 2.0)
-    there = problem.quieter(lasting, PATHS)
+    there = problem._quieter(lasting, PATHS)
     assert problem.objective(there, PATHS) > problem.objective(lasting, PATHS) + 5.0
     monkeypatch.setattr(problem, "hurried", lambda here: None)
-    assert problem.quieter(lasting, PATHS) is lasting
+    assert problem._quieter(lasting, PATHS) is lasting
 
 
 def test_some_accelerations_alone_are_taken_for_weaker(pushed):
@@ -536,7 +536,7 @@ def test_better_noises_are_not_sought_where_weaker_accelerations_leave_rows_far_
         monkeypatch.setattr(
             problem, "descended", lambda here, *_, lost=lost: replace(here, scores=point.scores - lost), raising=True
         )
-        problem.quieter(point, PATHS)
+        problem._quieter(point, PATHS)
         assert len(asked) == times
 
 
