@@ -86,12 +86,11 @@ class Habitat:
     def summary(self) -> str:
         """A plain paragraph of what passes a test, corrected for the number of tests."""
         name, unit = channel(self.channel).label, channel(self.channel).unit
-        size = f"In runs whose starts are fitted to whole windows, the remaining {name} error is "
-        size += f"{quantity(self.rms, unit)} RMS"
+        size = f"With starts fitted to whole windows, free runs still err by {quantity(self.rms, unit)} RMS in {name}"
         if len(self.channels) > 1 and 1.0 - self.certain < self.level:
             share = self.channels[self.channel]
             most = "most" if share > MOST_OF_ERROR else f"the largest part ({100 * share:.0f} %)"
-            size += f", {most} of the total remaining error"
+            size += f", {most} of all remaining error"
         text = "; ".join(s.words for s in self.found[:2])
         later = []
         if self.rhythm is not None and self.rhythm.p_value < self.level and self.rhythm.share > LEAST_POWER:
@@ -101,7 +100,7 @@ class Habitat:
             later.append(f"it grows within a run, from {first} to {last}")
         said = "; ".join(p for p in (text, *later) if p)
         if not said:
-            return f"{size}; it correlates with no recorded signal and is not periodic."
+            return f"{size}. This error correlates with no recorded signal and is not periodic."
         return f"{size}: {said}."
 
 

@@ -152,10 +152,8 @@ def _likelier_sentence(d: Result) -> str:
     for e in d.effects:
         for m in likelier(e):
             spared = listed([short(d.titles.get(p, p)) for p in m.spared])
-            why = f"with it, no {spared} is needed" if spared else "more of the sets that explain this log contain it"
-            told.append(
-                f"{capital(short(m.title))} is more probable than {short(e.name)}, which the fitted vehicle has: {why}."
-            )
+            why = f", since no {spared} is needed with it" if spared else " if all sets of effects are counted"
+            told.append(f"The fitted vehicle has {short(e.name)}; {short(m.title)} is more probable{why}.")
     return " ".join(told)
 
 

@@ -152,10 +152,10 @@ def test_a_member_that_is_likelier_than_the_effect_it_is_tied_with_is_said_to_be
         return _likelier_sentence(SimpleNamespace(effects=(effect,), titles=titles))  # type: ignore[arg-type]
 
     assert said(spared, 0.48) == (
-        "Rudder backlash is more probable than rudder deadband, which the fitted vehicle has: with it, no rudder "
-        "offset is needed."
+        "The fitted vehicle has rudder deadband; rudder backlash is more probable, since no rudder offset is needed "
+        "with it."
     )
-    assert said(play, 0.48).endswith("vehicle has: more of the sets that explain this log contain it.")
+    assert said(play, 0.48).endswith("rudder backlash is more probable if all sets of effects are counted.")
     assert said(spared, 0.8) == said(spared, None) == ""
 
 
