@@ -38,7 +38,7 @@ _ON_COMMANDS: Mapping[str, tuple[float, str, str, tuple[float, float], str]] = {
     "gain": (1.0, "{} gain", "1", (0.05, 5.0), "a measured position of the {}, or commands that reach its stops"),
     "deadband": (0.0, "{} deadband (half width)", "U", (0.0, 0.5), _ANGLES),
     "backlash": (0.0, "{} backlash (full width)", "U", (0.0, 0.5), _ANGLES),
-    "stiction": (0.0, "{} sticks until told to move by", "U", (0.0, 0.5), _ANGLES),
+    "stiction": (0.0, "{} stiction (smallest movement)", "U", (0.0, 0.5), _ANGLES),
     "dead_time": (0.0, "{} dead time", "s", (0.0, 20.0), f"samples shorter than the delay, {_QUICK}"),
     "lost_travel": (0.0, "{} saturates early, by", "U", (0.0, 1.0), "a measured position of the {}"),
     "lag": (0.0, "{} lag (time constant)", "s", (0.0, 60.0), f"samples shorter than the lag, {_QUICK}"),

@@ -32,7 +32,7 @@ class PistonEffects:
     offset: float = param(0.0, "m", "piston offset", bounds=(-0.1, 0.1), probe=1e-3)
     gain: float = param(1.0, "1", "piston gain", bounds=(0.05, 5.0), probe=0.10)
     backlash: float = param(0.0, "m", "piston backlash (full width)", bounds=(0.0, 0.1), probe=2e-3)
-    stiction: float = param(0.0, "m", "piston sticks until told to move by", bounds=(0.0, 0.1), probe=2e-3)
+    stiction: float = param(0.0, "m", "piston stiction (smallest movement)", bounds=(0.0, 0.1), probe=2e-3)
     dead_time: float = param(0.0, "s", "piston dead time", bounds=(0.0, 60.0), probe=2.0)
     lag: float = param(0.0, "s", "piston lag (time constant)", bounds=(0.0, 120.0), probe=2.0)
     slowness: float = param(0.0, "s/m", "piston slower than given, as time per travel", bounds=(0.0, 1e4), probe=50.0)
