@@ -136,7 +136,7 @@ PLAIN = 100.0
 MOST_EFFECTS = 3
 """Most effects that are named, `--most`.  Source: convention."""
 PAIRS = 3
-"""Pairs of effects that are fitted to the end.  Source: convention, time."""
+"""Pairs of effects of each screening that are begun.  Source: convention, time."""
 MOST_WORK = 1e8
 """Samples over which a search may run the vehicle; then it ends with what it has, and says so.  Source: time, some
 ten minutes of one core.  A torpedo's log of five minutes with two effects takes a quarter of it."""
