@@ -16,6 +16,7 @@ from identification.fit.followed import Point
 from identification.fit.further_noises import further_noises
 from identification.fit.intervals import information_of, interval_of
 from identification.fit.noises import Noise
+from identification.fit.parameters import SIZES_OF_JUMPS, jumps
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.sensitivities import NOTHING
 from identification.fit.steps import brisk, in_steps, suited
@@ -62,7 +63,8 @@ class GreyBox:
     window: s, the length of a window, by default the vehicle's; with process noise, windows are joined.
     doubt: relative standard deviation of the coefficients that state none, which holds them to their values; by default
     nothing does.
-    Effects start one probe off neutral, where their derivative is defined.
+    Effects start one probe off neutral, where their derivative is defined; stiction, which has none, at the likeliest
+    of several sizes.
 
     Example:
 
@@ -142,6 +144,7 @@ class GreyBox:
         if coefficients and len(coefficients) < len(paths):
             near = problem.solve(plant, coefficients)
             plant = problem.plant_at(near, coefficients)
+        plant = self._over_jumps(problem, plant, near)
         point = max(
             (problem.solve(first, paths, near, self.max_iterations) for first in self._first_plants(plant)),
             key=lambda p: problem.objective(p, paths),
@@ -152,6 +155,18 @@ class GreyBox:
                 "give a plant with stable coefficients."
             )
         return point
+
+    def _over_jumps(self, problem: PredictionErrors, plant: Plant, near: Point | None) -> Plant:
+        """The plant with the likeliest of several sizes of what jumps, which no fit would find from next to neutral."""
+        logs = problem.first_noise() if near is None else near.logs
+        for path in filter(jumps, self.free):
+            spec = spec_at(plant, path)
+            if value_at(plant, path) == spec.neutral:
+                sizes = [spec.neutral + size * spec.probe for size in SIZES_OF_JUMPS]
+                tried = [replace_at(plant, path, size) for size in sizes if size <= spec.bounds[1]]
+                points = [problem.point(one.vector, logs, near) for one in tried]
+                plant = tried[int(np.argmax([problem.objective(point, ()) for point in points]))]
+        return plant
 
     def _first_plants(self, plant: Plant) -> list[Plant]:
         effects = [p for p in self.free if p.startswith("effects.")]

@@ -19,6 +19,8 @@ from identification.fit.work import Work
 STEP, _STEP_ABOUT_CORNERS, _STEP_OVER_JUMPS = 1e-4, 0.1, 0.3
 # what comes last in their paths
 _JUMPS = frozenset(["stiction"])
+# in probes, that are tried of what changes by jumps: two neighbours have nine jumps in ten in common
+SIZES_OF_JUMPS = tuple(float(size) for size in np.geomspace(0.3, 9.0, 36))
 _KINKED = frozenset(["deadband", "backlash", "stiction", "dead_time", "delay", "lag", "slowness", "lost_travel"])
 
 

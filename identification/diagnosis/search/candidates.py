@@ -15,7 +15,7 @@ from auv_gym.records.record import Record
 from identification.deciding import ALIKE, MANY, ONLY_STARTS, SEEN
 from identification.fit.changing import ChangingPlant, change, changed, named_when
 from identification.fit.followed import Point
-from identification.fit.parameters import STEP, jumps, kinked
+from identification.fit.parameters import SIZES_OF_JUMPS, STEP, jumps, kinked
 from identification.fit.prediction_errors import PredictionErrors
 
 # Two components of one physical thing are one candidate; a component that turns out small is dropped at the end.
@@ -31,8 +31,6 @@ MOST_PERIODS = 64
 _ONE_SIDED = 1.645  # standard errors below which a normal estimate falls in 5 %
 _ONE_SIDE_AT_STOPS = frozenset(["gain", "offset"])  # of an actuator: a command at its stop shows one side alone
 KINKED_STEPS = (1.0, 5.0)  # probes over which slopes are taken about a corner, in place of `STEP`
-# sizes, in probes, that are tried of what changes by jumps: two neighbours have nine jumps in ten in common
-JUMPING_STEPS = tuple(float(size) for size in np.geomspace(0.3, 9.0, 36))
 
 
 @dataclass(frozen=True)
@@ -56,7 +54,7 @@ class Candidate:
     def steps(self) -> tuple[float, ...]:
         """The sizes, in probes, by which its signatures are taken: of both sides where commands may reach a stop."""
         if self.jumps:
-            return JUMPING_STEPS
+            return SIZES_OF_JUMPS
         if self.kinked:
             return KINKED_STEPS
         return (STEP, -STEP) if self.paths[0].rpartition(".")[2] in _ONE_SIDE_AT_STOPS else (STEP,)

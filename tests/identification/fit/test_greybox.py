@@ -141,3 +141,14 @@ def test_a_vehicle_in_six_degrees_of_freedom_is_fitted_on_all_its_channels():
     for path, value in truth.items():
         assert fit[path].value == pytest.approx(value, abs=4.0 * fit[path].error)
         assert fit[path].error < 0.05 * value
+
+
+def test_stiction_is_found_by_its_size():
+    """From next to none, no slope leads to it."""
+    plant, path = load_vehicle("slocum"), "effects.rudder.stiction"
+    true = replace_at(plant, {path: 0.12, "hull.n_r": 1.1 * plant.hull.n_r})
+    record = closed_loop(true, rng=np.random.default_rng(4), duration=1200.0, track_noise=None)
+    fit = GreyBox(plant, [path, "hull.n_r"]).fit(record)
+    (size,) = (e for e in fit.estimates if e.path == path)
+    assert size.value == pytest.approx(0.12, rel=0.03)
+    assert size.ci95[0] <= 0.12 <= size.ci95[1]

@@ -14,6 +14,7 @@ from identification.diagnosis.search.candidates import COMMON_DELAY, Candidate, 
 from identification.diagnosis.search.trials import trials_of
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.experiments.missions import run_mission
+from identification.fit.parameters import SIZES_OF_JUMPS
 from tests.identification.gliders import QUICK
 
 DEADBAND, LAG, OFFSET = "effects.rudder.deadband", "effects.compass.lag", "effects.rudder.offset"
@@ -175,7 +176,7 @@ def test_what_sticks_is_found_by_its_size_alone():
     bench = bench_of(run_mission(replace_at(QUICK, STICTION, size), rng, duration=900.0))
     state = bench.fit(QUICK, COEFFICIENTS)
     (found,) = screen(bench.problem, state.point, state.paths, [candidate(STICTION)], BAR)
-    assert found.tried == len(candidates.JUMPING_STEPS)
+    assert found.tried == len(SIZES_OF_JUMPS)
     assert found.estimate[0] == pytest.approx(4.3, rel=0.1)  # a tenth is from one size that is tried to the next
     assert found.evidence > BAR
     others = [one for one in candidates_of(QUICK) if one.paths[0] in (OFFSET, DEADBAND, GAIN)]
