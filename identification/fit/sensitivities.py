@@ -23,8 +23,8 @@ _TRIES, _TIGHTER = 6, 30.0  # of a step, and how much more it is damped each tim
 _DESCENTS = 3  # steps of the parameters with the same gains
 _AWAY = 1e100  # a slope of a run that has run away: its square would be no number
 _ENOUGH = 10.0  # deviations of the noise by which a free run changes, from which on more counts the same
-# of the size of what changes by jumps, where sizes near by are tried
-_NEAR_JUMPS = (0.9, 0.92, 0.94, 0.96, 0.98, 0.99, 1.01, 1.02, 1.04, 1.06, 1.08, 1.1)
+_BESIDE = (0.001, 0.003, 0.01, 0.02, 0.04, 0.06, 0.08, 0.1)
+_NEAR_JUMPS = (*(1.0 - b for b in _BESIDE), *(1.0 + b for b in _BESIDE))  # of a size, tried beside what jumps with it
 _MANY = 8  # coefficients of a fit, from which on it saves time to hold how the vehicle answers them
 NOTHING = 1e-4  # deviations of all readings together: a path that moves them by less over a scale does nothing
 LEAST_GAIN = 0.005  # of the log-likelihood, that a turn must bring for a fit to go on
@@ -262,7 +262,7 @@ class Sensitivities(Followed):
         """
         if here.system is None:
             return here
-        here = self._jumped(here, paths)
+        here, paths = self._jumped(here, paths), [p for p in paths if not jumps(p)]
         every, owners, taken, count = np.zeros((0, 0)), list[tuple[np.ndarray, int]](), None, len(paths)
         for _ in range(iterations):
             if self.carried.any() or not self._near_by(taken, here.vector):
