@@ -29,6 +29,7 @@ from identification.fit.changing import ChangingPlant, changed, plain
 
 _FEW_DIVES = 6  # that a sentence lists
 _FEW_COEFFICIENTS = 4  # that a sentence lists
+_LASTING = 0.25  # of the longest segment, from which on a correlation time leaves the noise few changes
 _BETTER = 0.95  # of the refitted model's error, below which that of the given one is said to be less
 
 
@@ -45,7 +46,7 @@ def paragraphs(d: Result) -> list[str]:
             dropped_sentence(d),
             _slight_sentence(d),
         ),
-        (_rest_sentence(d), noise_sentence(d), _currents_sentence(d)),
+        (_rest_sentence(d), noise_sentence(d), drift_sentence(d), _currents_sentence(d)),
         (_logs_sentence(d), _limit_sentence(d), averaged_sentence(d), _unseen_sentence(d)),
     )
     joined = (typeset(" ".join(sentence for sentence in group if sentence)) for group in grouped)
@@ -380,6 +381,20 @@ def noise_sentence(d: Result) -> str:
         how = f"swing with a period of {quantity(period, 's')}" if period else "last"
         told.append(f"Some sensor errors {how}: {lasting_errors(errors)}.")
     return " ".join(told)
+
+
+def drift_sentence(d: Result) -> str:
+    """Noise that lasts so long that what begins, ends or grows during a log would look like it, or nothing."""
+    if d.noise is None or d.unexplained:
+        return ""
+    longest = max(float(np.ptp(d.record.time[s])) for s in d.record.segments)
+    names = [channel(name).label for name, (_, time) in d.noise.process.items() if time > _LASTING * longest]
+    if not names:
+        return ""
+    return (
+        f"What pushes {listed(names)} changes so slowly that an effect which begins, ends or grows during the log "
+        f"would look like it: {_sought(d, 'such an effect')}."
+    )
 
 
 def _currents_sentence(d: Result) -> str:

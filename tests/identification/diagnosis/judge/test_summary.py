@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from auv_gym.plant import load_vehicle
+from auv_gym.records.record import Record
 from identification.diagnosis.judge.effects import AsCoefficient, Coefficient, Effect, Member
 from identification.diagnosis.judge.result import RARE, VARIES, WORSE
 from identification.diagnosis.judge.summary import (
@@ -19,6 +20,7 @@ from identification.diagnosis.judge.summary import (
     _small,
     _tied_sentence,
     averaged_sentence,
+    drift_sentence,
     dropped_sentence,
     left_sentence,
     noise_sentence,
@@ -270,3 +272,15 @@ def test_a_size_at_the_far_end_of_its_interval_is_the_most_that_it_may_be():
     gain = Member("effects.rudder.gain", "rudder gain", 0.3, 1.2, 1.0, "1", (1.1, 1.2))
     assert gain.size == "up to 1.2"
     assert replace(gain, value=1.0, ci95=(1.0, 1.2)).size == "1"
+
+
+@pytest.mark.parametrize("time, unexplained, said", [(160.0, False, True), (140.0, False, False), (160.0, True, False)])
+def test_noise_that_lasts_for_a_quarter_of_a_log_may_be_an_effect_that_grows(time, unexplained, said):
+    """Not where something is left anyway; of segments of 600 s."""
+    segment = np.repeat([0, 1], 7)
+    record = Record.from_arrays(100.0 * np.arange(14), {"heading_rad": np.zeros(14)}, segment=segment)
+    noise = Noise({"heading_rad": 0.01}, {"u_mps": (0.01, time), "r_radps": (0.01, 5.0)})
+    told = drift_sentence(SimpleNamespace(noise=noise, record=record, unexplained=unexplained))  # type: ignore[arg-type]
+    assert ("forward speed through the water changes so slowly" in told and "auv-gym onset looks for" in told) is said
+    assert "yaw" not in told
+    assert drift_sentence(SimpleNamespace(noise=None, unexplained=False)) == ""  # type: ignore[arg-type]
