@@ -46,7 +46,7 @@ def test_a_right_name_a_tie_a_false_name_and_silence_are_told_apart(tmp_path):
 
 def test_the_study_covers_every_effect_of_the_family():
     paths = set(effects_of("slocum"))
-    assert len(paths) == 19
+    assert len(paths) == 20
     assert paths == set(effects_of("ganeshblue"))
 
 
