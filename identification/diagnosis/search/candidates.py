@@ -294,11 +294,8 @@ class Regression:
         for one, *_ in signed:
             candidate, known = one.candidate, found.get(one.candidate, one)
             better = one if one.evidence > known.evidence or known.unseen else known
-            if candidate.jumps:
-                shown, tried = np.minimum(known.detectable, one.detectable), len(candidate.steps)
-                found[candidate] = replace(better, detectable=shown, tried=tried)
-            else:
-                found[candidate] = replace(better, detectable=known.detectable)
+            shown = np.minimum(known.detectable, one.detectable) if candidate.jumps else known.detectable
+            found[candidate] = replace(better, detectable=shown, tried=len(candidate.steps) if candidate.jumps else 1)
         return [replace(found[c], together=together.get(part_of(c.paths[0]), (0.0, 0))) for c in candidates]
 
     def pairs(self, candidates: Sequence[Candidate], most: int) -> list[tuple[Screening, tuple[Screening, Screening]]]:
