@@ -363,8 +363,8 @@ def described(plant: Plant, record: Record) -> Record:
     """The samples of a record that the vehicle's family describes; notes say what is left out, and what is assumed.
 
     `elapsed_s` counts what is left out, since what grows with time goes on over it: from the beginning of the log, or
-    over all dives of a vehicle whose dives may differ (`Family.by_dive`).  Channels that never
-    change are left out, too, see `_never_read`.  Raises ValueError where nothing is left.
+    over all dives of a vehicle whose dives may differ (`Family.by_dive`).  Channels that never change are left out,
+    too, see `_never_read`.  Raises ValueError where nothing is left.
     """
     lines = [
         f"The log has no {channel(name).label} ({name}): {plant.constants[name]:g}{_unit(name)} is assumed throughout."

@@ -3,10 +3,11 @@
 The functions here are templates: names in capitals, `physics` and `records` are open, and `bind_family` gives them
 their meaning. A full state vector is
 
-    [states | actuator positions | backlash memories | sensor states | past shaped commands, oldest first]
+    [states | actuator positions | their memories (backlash, stiction) | sensor states | past shaped commands]
 
-Commands are held over a sample. A delayed command switches inside a sample; the interval is cut there, so that the
-result is smooth in the dead time. Actuators move in closed form, see `physics.actuators.travel`.
+The oldest commands come first. Commands are held over a sample. A delayed command switches inside a sample; the
+interval is cut there, so that the result is smooth in the dead time. Actuators move in closed form, see
+`physics.actuators.travel`.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ class RightHandSide:
     derivative: Callable[[Any, Any, Any, Any, Any, Any], None]
     # (z, inputs, p): the longest step of RK4, s
     stable_step: Callable[[Any, Any, Any], float]
-    # (inputs, memory, p, shaped): commands after their memoryless effects and backlash into shaped; memory is updated
+    # (inputs, memory, p, shaped): commands after their effects that take no time, into shaped; memory is updated
     shape: Callable[[Any, Any, Any, Any], None]
     # (index, p): dead time s, lag s and slowness, s per unit, of an actuator
     actuator_times: Callable[[int, Any], tuple[float, float, float]]

@@ -146,7 +146,7 @@ def derivative(x, actuators, inputs, p, dx, scratch):
 
 @compiled
 def shape(inputs, memory, p, shaped):
-    """The rudder command after its memoryless effects and backlash, into shaped; memory is updated."""
+    """The rudder command after its memoryless effects, backlash and stiction, into shaped; memory is updated."""
     shaped[0], memory[0] = shape_command(inputs[0], memory[0], p.hull.rudder_limit, p.effects.rudder)
 
 

@@ -186,7 +186,7 @@ def enter(x, z):
 
 @compiled
 def shape(inputs, memory, p, shaped):
-    """Piston command after its memoryless effects and backlash, and the water's temperature, into shaped."""
+    """Piston command after its memoryless effects, backlash and stiction, and the water's temperature, into shaped."""
     hull, piston = p.hull, p.effects.piston
     middle, half = 0.5 * (hull.piston_high + hull.piston_low), 0.5 * (hull.piston_high - hull.piston_low)
     position, last = shaped_command(

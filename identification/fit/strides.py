@@ -111,13 +111,13 @@ def in_suited_rows(problem: PredictionErrors, point: Point, paths: Sequence[str]
 
 def in_shortest_rows(problem: PredictionErrors) -> PredictionErrors:
     """The problem in rows of single readings, or in the shortest that a long record allows."""
-    least = _least(len(problem.rows) * problem.stride, _STRIDES)
+    least = _least_of(problem)
     return problem.in_rows_of(least) if problem.stride > least else problem
 
 
 def cannot_be_shorter(problem: PredictionErrors) -> bool:
     """Whether rows of several samples are the shortest that a long record allows."""
-    return 1 < problem.stride <= _least(len(problem.rows) * problem.stride, _STRIDES)
+    return 1 < problem.stride <= _least_of(problem)
 
 
 def _misled(told: FirstOrder | None, known: FirstOrder | None) -> bool:
@@ -146,6 +146,11 @@ def _least(samples: int, tried: Sequence[int]) -> int:
     if samples <= MOST_ROWS * _REFERENCE:
         return 1
     return min((s for s in tried if s * MOST_ROWS >= samples), default=tried[0])
+
+
+def _least_of(problem: PredictionErrors) -> int:
+    """The shortest stride that the record of a problem allows."""
+    return _least(len(problem.rows) * problem.stride, _STRIDES)
 
 
 def _longest(strides: Sequence[int], suits: Callable[[int], bool], least: int) -> int:

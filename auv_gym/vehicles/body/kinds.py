@@ -158,7 +158,7 @@ class PartKind:
 
     force(at, actuators, inputs, shared, motion, part, effects, derived): a tuple of X, Y, Z in N and K, M, N in N m
         about the body's origin, `NONE` where there is none; shared: index in inputs of the first of `shared`.
-    shape(command, memory, part, effects, index): a command after its memoryless effects and backlash, and the memory.
+    shape(command, memory, part, effects, index): a command after its effects that take no time, and the memory.
     times(part, effects, index): dead time, s, lag, s, slowness, s per unit, of command `index`.
     derive(part, effects, hull, derived): fills the numbers named in `numbers`, which do not change in a run.
     wake(at, actuators, u, part, effects): what a propeller adds to the flow behind it, m/s, at the speed u; of one that

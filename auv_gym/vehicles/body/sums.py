@@ -110,7 +110,7 @@ def no_wakes(actuators, u, p):
 
 
 def shape_of_kind(inputs, memory, p, shaped):
-    """The commands of one kind after their memoryless effects and backlash, into shaped; memory is updated."""
+    """Commands of one kind after their memoryless effects, backlash and stiction, into shaped; updates memory."""
     parts, effects = getattr(p.parts, SLOT), getattr(p.effects.parts, SLOT)
     for i in range(COUNT):
         for c in range(COMMANDS):
