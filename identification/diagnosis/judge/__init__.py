@@ -1,1 +1,1 @@
-"""What a diagnosis found, how well it explains the record, and the words for it."""
+"""The judging step of a diagnosis: its result, how well the result explains the record, and the words for it."""

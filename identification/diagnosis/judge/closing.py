@@ -1,4 +1,4 @@
-"""The closed loop before and after a diagnosis: what the vehicle's own set points make of each of its models."""
+"""Closed-loop runs before and after a diagnosis: each model is steered by the log's own set points."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ from controllers.controller import Controller
 from controllers.kinds import KINDS
 from identification.diagnosis.wording import quantity
 
-MOST_SAMPLES = 4000  # of a log that are run again; the rest would only take time
+MOST_SAMPLES = 4000  # samples; only the first part of a longer log is run again, to save time
 
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """How a model's run under the log's own set points agrees with the log, in one channel.
+    """Agreement, in one channel, between the log and a model that is run under the log's own set points.
 
-    logged: rms of the log's tracking error.  tracking: rms of the model's, as given, before and after.  given, before,
-    after: rms of the difference of the two.  NaN where nothing could be run; `words` then say why.
+    logged: RMS of the log's tracking error.  tracking: RMS of the model's tracking error, by stage ("given", "before",
+    "after").  given, before, after: RMS difference between the log's and the model's tracking error.  All are NaN if
+    nothing could be run; `words` then says why.
     """
 
     channel: str
@@ -39,13 +40,13 @@ class ClosedLoop:
 
 
 def closed_loop(record: Record, stages: Mapping[str, Plant], name: str = "the log") -> tuple[ClosedLoop, ...]:
-    """The closed loop with each model of a diagnosis, for each channel that has set points in the log.
+    """Compare the closed loop of each model of a diagnosis with the log, for each channel with set points in the log.
 
-    stages: the vehicle as "given", "before" and "after".  name: what the log is called in words.
+    stages: the vehicle as "given", "before" and "after".  name: what to call the log in the text.
 
-    The vehicle's autopilot steers the model by the log's set points.  What the logged commands have beside those of
-    this autopilot at the logged readings, such as an excitation or another controller's habits, is added to its
-    commands: a model that is right then repeats the log, whatever steered the vehicle.
+    The vehicle's autopilot steers the model to the log's set points.  The autopilot is also run on the logged readings;
+    the difference between the logged commands and these (an excitation, or another controller's behaviour) is added to
+    its commands.  A correct model then reproduces the log, whatever steered the vehicle.
     """
     plant = stages["given"]
     targets = targets_of(plant, record)
@@ -55,7 +56,7 @@ def closed_loop(record: Record, stages: Mapping[str, Plant], name: str = "the lo
     if not reason:
         try:
             record = _steered_part(record, targets)
-        except ValueError:  # nothing is left
+        except ValueError:  # no sample has all set points
             reason = f"The log never has all of its set points ({wanted}) at once."
     if not reason:
         try:
@@ -75,7 +76,7 @@ def closed_loop(record: Record, stages: Mapping[str, Plant], name: str = "the lo
 
 
 def targets_of(plant: Plant, record: Record) -> tuple[str, ...]:
-    """The channels that the vehicle can be steered in and that the log has readings of and set points for."""
+    """The channels in which the vehicle can be steered and for which the log has both readings and set points."""
     return tuple(
         name
         for name in _targets(plant)
@@ -84,7 +85,7 @@ def targets_of(plant: Plant, record: Record) -> tuple[str, ...]:
 
 
 def controller_for_channels(plant: Plant, targets: tuple[str, ...]) -> Controller:
-    """The vehicle's controller for these channels; raises ValueError where there is none."""
+    """The vehicle's controller for these channels; raises ValueError if there is none."""
     on_board = KINDS.of(plant.family).on_board
     return autopilot(plant, targets=targets) if on_board is None else on_board(plant, targets)
 
@@ -96,10 +97,10 @@ def steered(
     targets: tuple[str, ...],
     told: Sequence[Mapping[str, float]] | None = None,
 ) -> dict[str, np.ndarray]:
-    """A model's outputs in the targets' channels, (n,) each, under the log's set points; infinite once it diverged.
+    """A model's outputs in the target channels, (n,) each, under the log's set points; infinite once it has diverged.
 
-    told: what `commands_at_log_samples` gives, if anything; otherwise the model's outputs replace readings that the log
-    lacks.
+    told: the result of `commands_at_log_samples`, if available.  Without it, the model's outputs fill in for readings
+    that are missing from the log.
     """
     names = [name for name in model.outputs if record.has(name)]
     logged = {name: record[name] for name in names}
@@ -139,7 +140,7 @@ def steered(
 def commands_at_log_samples(
     plant: Plant, controller: Controller, record: Record, targets: tuple[str, ...]
 ) -> list[Mapping[str, float]] | None:
-    """What the controller commands at each of the log's readings; None where these lack any of the plant's outputs."""
+    """The controller's command at each of the log's readings; None if any of the plant's outputs is missing there."""
     if not np.isfinite(outputs_of(plant, record)).all():
         return None
     goals, steps = _asked(record, targets, plant.dt)
@@ -155,7 +156,7 @@ def commands_at_log_samples(
 
 
 def _asked(record: Record, targets: tuple[str, ...], dt: float) -> tuple[list[dict[str, float]], list[float]]:
-    """The set points at each sample, and the time since the one before; dt where a segment begins."""
+    """The set points at each sample, and the time since the previous sample (dt where a segment begins)."""
     wanted, steps = {name: record[set_point_of(name)].tolist() for name in targets}, np.diff(record.time, prepend=0.0)
     steps[[segment.start for segment in record.segments]] = dt
     goals = [{name: v[k] for name, v in wanted.items()} for k in range(len(record))]
@@ -168,7 +169,7 @@ def _targets(plant: Plant) -> tuple[str, ...]:
 
 
 def _steered_part(record: Record, targets: tuple[str, ...]) -> Record:
-    """The record from where each segment has a set point of every target on; they stand until the next is known."""
+    """The part of the record in which every target has a set point; a set point holds until the next one is logged."""
     goals = {set_point_of(name): record[set_point_of(name)].copy() for name in targets}
     for values in goals.values():
         for part in record.segments:
@@ -210,6 +211,6 @@ def _apart(name: str, one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def _rms(values: np.ndarray) -> float:
-    """Root mean square of what was measured while there was a set point."""
+    """Root mean square of the finite values, which are those measured while there was a set point."""
     known = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(known**2))) if known.size else np.nan

@@ -1,4 +1,4 @@
-"""What the members of a tie agree on: their free runs, averaged by probability, and how far apart these are."""
+"""The common prediction of tied effects: their free runs averaged by probability, and how far these differ."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from identification.fit.validation import FreeRuns
 
 @dataclass(frozen=True)
 class Common:
-    """The common prediction of the members of a tie, by free runs over all windows.
+    """The common prediction of tied effects, from free runs over all windows.
 
-    members: paths, with their probabilities within the tie.  error: RMS error of the averaged runs, by channel.
-    spread: RMS difference between the two members that differ most, by channel; infinite where one's runs diverge.
+    members: the probability of each within the tie, by path.  error: RMS error of the averaged runs, by channel.
+    spread: RMS difference between the two members that differ most, by channel; infinite if a member's runs diverge.
     """
 
     members: Mapping[str, float]
@@ -27,7 +27,7 @@ class Common:
     spread: Mapping[str, float]
 
     def words(self, titles: Mapping[str, str], reach: str) -> str:
-        """A sentence; reach: how far a free run goes, in words."""
+        """A sentence about the tie; reach: how far a free run goes, in words."""
         names = listed([short(titles.get(path, path)) for path in self.members], "or")
         if not all(np.isfinite(size) for size in self.spread.values()):
             return f"It matters whether the cause is {names}: free runs {reach} diverge with one of them."
@@ -36,9 +36,9 @@ class Common:
 
 
 def common_prediction(members: Sequence[tuple[str, float, Plant]], fly: Callable[[Plant], FreeRuns | None]) -> Common:
-    """The common prediction of members: a path, its probability and the vehicle with it.
+    """The common prediction of tied effects, each given as its path, its probability and the vehicle that has it.
 
-    fly: free runs of a vehicle over the windows that count, or None where they diverge.
+    fly: returns the free runs of a vehicle over the windows to compare, or None if they diverge.
     """
     total = sum(p for _, p, _ in members)
     shares = {path: p / total for path, p, _ in members}

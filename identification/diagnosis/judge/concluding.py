@@ -1,4 +1,4 @@
-"""The verdict: what is named, what the record merely acts like, and which coefficients are wrong."""
+"""The verdict: the named effects, effects that only resemble the record's behaviour, and wrong coefficients."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from identification.diagnosis.wording import quantity, short
 
 @dataclass(frozen=True, eq=False)
 class Conclusion:
-    """The verdict and what stands behind it; see `Diagnosis`."""
+    """The verdict and the results it is based on; see `Diagnosis`."""
 
     verdict: Verdict
     effects: tuple[Effect, ...]
@@ -39,7 +39,7 @@ class Conclusion:
 
 
 def concluded(scoring: Scoring, found: Reported, scored: Scored) -> Conclusion:
-    """What is said of a log whose effects are reported, and whose stages are scored."""
+    """The verdict on a log, from the reported effects and the scored stages."""
     log, searched, state = scoring.log, scoring.searched, found.state
     known, count = searched.known, len(searched.candidates)
     plant = known.plant
@@ -62,7 +62,7 @@ def concluded(scoring: Scoring, found: Reported, scored: Scored) -> Conclusion:
     told = tuple(as_coefficients(known.given.plant, effects))
     unexplained = verdict == "unexplained"
     doubts = () if log.asked.trust else tuple(_turned(c) for c in turned_gains(plant, coefficients))
-    if log.slipped or (log.doubts and unexplained and explained < EXPLAINED):  # with less, they are still far apart
+    if log.slipped or (log.doubts and unexplained and explained < EXPLAINED):  # the model is still far off
         verdict = "doubted"
     if doubts and not unexplained:
         return Conclusion("doubted", (), told, (), (), coefficients, before, explained, doubts)
@@ -72,7 +72,7 @@ def concluded(scoring: Scoring, found: Reported, scored: Scored) -> Conclusion:
 
 
 def _turned(c: Coefficient) -> Doubt:
-    """What is said of an actuator that acts the other way round."""
+    """The doubt about a log in which an actuator acts with the opposite sign."""
     sizes = f"{quantity(c.value, c.unit)}, given {quantity(c.given, c.unit)}"
     mend = "check the signs of the commands and of what they move, and turn the wrong one in a mapping (-NAME)"
     return Doubt(f"the {short(c.title)} has the opposite sign in this log ({sizes})", (), 1.0, mend)

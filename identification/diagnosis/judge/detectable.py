@@ -1,4 +1,4 @@
-"""What a record could have shown: the smallest size of each candidate that it would have, or why it shows none."""
+"""Detectable sizes: the smallest size of each candidate that a record would have shown, or why it cannot show it."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from identification.diagnosis.judge.effects import Detectable
 from identification.diagnosis.search.candidates import Regression, Screening, deviations_shown
 from identification.diagnosis.wording import quantity
 
-_NOTHING = 1e-3  # of the change that a record shows: below it, an effect changes nothing
-_STEP = 2.0  # from one size that is tried to the next
-_HALVINGS = 2  # of the last of these steps
-_FEWEST = 1e-3  # probes; nothing smaller is tried
+_NOTHING = 1e-3  # of the change that the record would show; an effect that changes less is taken to change nothing
+_STEP = 2.0  # ratio between one tried size and the next
+_HALVINGS = 2  # bisections of the last of these steps
+_FEWEST = 1e-3  # probes; no smaller size is tried
 
 
 @dataclass(frozen=True)
 class Shown:
-    """The smallest size that a record shows, infinite if it shows none; hidden: one up to which nothing changes."""
+    """The smallest size that a record shows, infinite if none; hidden: the size up to which nothing changes."""
 
     size: float
     hidden: float = 0.0
@@ -31,9 +31,10 @@ def detectable_effects(
 ) -> tuple[Detectable, ...]:
     """Each candidate that is not named, with the smallest size that the record would have shown.
 
-    The slope at a probe gives it.  Effects with a corner at neutral are run at several sizes: a lag hides a rate limit
-    up to some size, and a saturation beyond the largest command does nothing.
-    An effect that acts as a refitted coefficient has none: it would show as that.
+    For smooth effects, the slope at a probe gives the size.  Effects with a corner at neutral are run at several sizes:
+    a lag hides a rate limit up to some size, and a saturation above the largest command does nothing.
+    An effect that acts like a refitted coefficient has no size of its own: it would show as a change of that
+    coefficient.
     """
     plant = regression.problem.plant
     refitted = {effect: path for effect, path in plant.twins.items() if path in regression.fitted}
@@ -59,9 +60,10 @@ def detectable_effects(
 
 
 def sizes_shown(regression: Regression, expected: Mapping[str, float]) -> dict[str, Shown]:
-    """The smallest size of each effect that a record shows, by running the vehicle with the effect at several sizes.
+    """The smallest size of each effect that a record shows, found by running the vehicle with several sizes of it.
 
-    expected: where the search begins, in the parameters' units, such as the size by a slope; infinite: at a probe.
+    expected: where the search starts, in the parameters' units (for example the size by the slope); if infinite, it
+    starts at a probe.
     """
     problem, bar = regression.problem, deviations_shown(regression.threshold)
     most = {path: problem.bounds(path)[1] / problem.scale(path) for path in expected}
@@ -73,7 +75,7 @@ def sizes_shown(regression: Regression, expected: Mapping[str, float]) -> dict[s
             tried[path][sizes[path]] = change
 
     def bracket(path: str) -> tuple[float, float]:
-        """The largest size that is hidden, and the smallest beyond it that is shown, infinite where none is yet."""
+        """The largest size that is hidden, and the smallest larger one that is shown (infinite if none is yet)."""
         seen = min((size for size, change in tried[path].items() if change >= bar), default=np.inf)
         return max(size for size in tried[path] if size < seen), seen
 
@@ -96,7 +98,7 @@ def sizes_shown(regression: Regression, expected: Mapping[str, float]) -> dict[s
 
 
 def _between(changes: Mapping[float, float], low: float, high: float, bar: float) -> float:
-    """The size that just shows, between two; the larger one where the smaller one does nothing."""
+    """The size that is just shown, interpolated between two; the larger one if the smaller one changes nothing."""
     if not np.isfinite(high) or (low > 0.0 and changes[low] <= _NOTHING * bar):
         return high
     return low + (high - low) * (bar - changes[low]) / (changes[high] - changes[low])
@@ -105,7 +107,7 @@ def _between(changes: Mapping[float, float], low: float, high: float, bar: float
 def _next(
     going: Mapping[str, float], brackets: Mapping[str, tuple[float, float]], most: Mapping[str, float]
 ) -> dict[str, float]:
-    """The next size of each effect that is not yet between one that is hidden and one that is shown."""
+    """The next size to try for each effect that is not yet bracketed by a hidden and a shown size."""
     found = {}
     for path, size in going.items():
         low, high = brackets[path]

@@ -1,4 +1,4 @@
-"""What a diagnosis finds: effects, what they are tied with, coefficients, and what a record could have shown."""
+"""The findings of a diagnosis: effects, the causes they are tied with, coefficients, and detectable sizes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from identification.diagnosis.wording import at_most, interval, quantity, sized
 
 @dataclass(frozen=True)
 class AsCoefficient:
-    """The coefficient that an effect does nothing but change: what was given, what it comes to, and the interval."""
+    """The one coefficient that an effect changes: its given value, its value with the effect, and the interval."""
 
     path: str
     title: str
@@ -25,9 +25,9 @@ class AsCoefficient:
 
 @dataclass(frozen=True)
 class Member:
-    """An effect that may be the cause in place of a named one: its probability, and its size if it is the cause.
+    """An effect that may be the cause instead of a named one: its probability, and its size if it is the cause.
 
-    spared: other named effects, by path, that the likeliest set with it does without.
+    spared: paths of other named effects that are not needed in the likeliest set with this one.
     """
 
     path: str
@@ -41,22 +41,23 @@ class Member:
 
     @property
     def size(self) -> str:
-        """Its size in words."""
+        """The size in words."""
         return at_most(self.value, self.ci95, self.neutral) + quantity(self.value, self.unit)
 
 
 @dataclass(frozen=True)
 class Effect:
-    """A named effect: its size with a 95 % interval, the evidence for it, and what the record cannot tell from it.
+    """A named effect: its size with a 95 % interval, the evidence for it, and the causes it is tied with.
 
-    frequency: share of the halves of the record that name it, or what it is tied with.
-    changes: by channel, in its unit, by how much free runs over the record's windows change without it, RMS.
-    coefficient: what it is reported as, where it does nothing but change that one.
-    probability: of all sets of effects that explain the record nearly as well, those that have it; None where it was
-    found by a coefficient's change.  members: what it is tied with, the same of each.
-    steady: probability that parts of the record differ in its size as much, if it is the same in all.  apart: by how
-    much they do at the most, as a share of it.
-    by_dive: its size in each dive, where the dives contradict each other in it.
+    frequency: share of the halves of the record that choose it or an effect tied with it.
+    changes: RMS change of free runs over the record's windows when the effect is removed, by channel, in the channel's
+    unit.
+    coefficient: if the effect only changes one coefficient, that coefficient; the effect is reported as such.
+    probability: total probability of the sets of effects that include it, among all sets that explain the record about
+    as well; None if it was found from a coefficient's change.  members: the tied effects, with the same quantities.
+    steady: probability of differences in size this large between parts of the record if the size is constant.  apart:
+    the largest such difference, as a share of the size.
+    by_dive: its size in each dive, if the dives contradict each other.
     """
 
     path: str
@@ -79,17 +80,17 @@ class Effect:
 
     @property
     def unsteady(self) -> bool:
-        """Whether its size differs much between parts of the record, and not from dive to dive."""
+        """Whether its size differs significantly between parts of the record, other than from dive to dive."""
         return varies(self.steady, self.apart) and not self.by_dive
 
     @property
     def name(self) -> str:
-        """What the matter is called."""
+        """The name of the cause: the effect's title, or the coefficient that it changes."""
         return self.title if self.coefficient is None else f"another {self.coefficient.title}"
 
     @property
     def size(self) -> str:
-        """Its size in words, as that of a coefficient where it does nothing but change one."""
+        """The size in words; that of the coefficient if the effect only changes one."""
         c = self.coefficient
         if c is not None:
             return quantity(c.value, c.unit)
@@ -97,7 +98,7 @@ class Effect:
 
     @property
     def told(self) -> str:
-        """What is the matter, its size and its interval, in words."""
+        """The cause, its size and its interval, in words."""
         c = self.coefficient
         if c is None:
             return sized(self.title, self.size, interval(self.ci95, self.unit))
@@ -108,8 +109,8 @@ class Effect:
 class Coefficient:
     """A coefficient of the vehicle, as given and as refitted.
 
-    moved: surely not what was given.  wrong: nor within what the vehicle states.  limited: as far from there as its
-    doubt lets a fit go.
+    moved: significantly different from the given value.  wrong: also outside the uncertainty that the vehicle states.
+    limited: at the limit that the given value's uncertainty sets for the fit.
     """
 
     path: str
@@ -124,7 +125,7 @@ class Coefficient:
 
     @property
     def change(self) -> str:
-        """By how much it differs from the given value, with the interval, in words."""
+        """The difference from the given value, with the interval, in words."""
         if self.given == 0.0:
             return f"{quantity(self.value, self.unit)} (95 % interval {interval(self.ci95, self.unit)}, given 0)"
         share, *limits = (100.0 * (v / self.given - 1.0) for v in (self.value, *self.ci95))
@@ -133,7 +134,7 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class Detectable:
-    """The smallest size of a candidate that this record would have shown, infinite if it cannot show it at all."""
+    """The smallest size of a candidate that this record would have shown; infinite if it cannot show it at all."""
 
     path: str
     title: str

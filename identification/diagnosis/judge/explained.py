@@ -1,4 +1,4 @@
-"""How well a diagnosis explains its record: the share of the error that goes, and the verdict."""
+"""How well a diagnosis explains its record: the share of the error that it removes, and the verdict."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from identification.fit.residual import noise_floors
 def explained_share(before: Stage, after: Stage, many: bool) -> float:
     """Share of the squared error above the measurement noise that the effects remove.
 
-    Of free runs in unseen parts of the record; where windows are not `many`, of runs from fitted states.
+    Computed from free runs in unseen parts of the record or, if there are not `many` windows, from runs whose initial
+    states are fitted to whole windows.
     """
     fitted, excess = after.fitted, {}
     floors = noise_floors(fitted.residual, fitted.window, fitted.readings)
@@ -28,22 +29,23 @@ def explained_share(before: Stage, after: Stage, many: bool) -> float:
 
 
 def many_windows(windows: Sequence[slice], steady: bool) -> bool:
-    """Whether free runs over the windows say enough."""
+    """Whether there are enough windows, and steady enough conditions, to judge by free runs."""
     return len(windows) >= MANY_WINDOWS and steady
 
 
 def unsteady_of(effects: Sequence[Effect]) -> list[Effect]:
-    """The effects whose size differs much between parts of the record, and not from dive to dive; the surest first."""
+    """Effects whose size differs significantly between parts of the record, but not by dive; most significant first."""
     return sorted((e for e in effects if e.unsteady), key=lambda e: e.steady)
 
 
 def verdict_of(
     effects: Sequence[Effect], tied, explained: float, left: bool, refit_is_all: bool, wrong: bool
 ) -> Verdict:
-    """Where something is left, effects must explain most of the excess error; a refit alone does not do.
+    """The verdict on a record.
 
-    Where the size of one of them differs between parts of the record, constant effects do not explain it, however
-    little they leave: they were fitted together, so that what changes has gone into all of their sizes.
+    If something is left, effects must explain most of the excess error; a refit alone is not enough.  If the size of
+    an effect differs between parts of the record, constant effects do not explain the record, however small the
+    remaining error: they were fitted together, so the variation has leaked into all of their sizes.
     """
     if unsteady_of(effects) or (left and (refit_is_all or explained < EXPLAINED)):
         return "unexplained"

@@ -1,6 +1,6 @@
-"""Where a residual lives that nothing explains: in which channel, at which depth, speed or heading, how fast, how long.
+"""The habitat of an unexplained residual: its channel, the depth, speed or heading at which it is large, its period.
 
-Whole windows are what the tests exchange: errors of one free run go on from sample to sample, those of two do not.
+Tests exchange whole windows: errors within one free run are correlated from sample to sample, those of two are not.
 """
 
 from __future__ import annotations
@@ -20,16 +20,17 @@ from identification.fit.validation import FreeRuns
 
 PERMUTATIONS = 4000
 DRAWS = 1000
-PARTS = 8  # of a run, for its growth
-_TRACK = ("north_m", "east_m")  # where a vehicle is says little, and when it was there says the same
+PARTS = 8  # of a run, to measure its growth
+_TRACK = ("north_m", "east_m")  # left out: position says little that time does not
 
 
 @dataclass(frozen=True, eq=False)
 class Share:
-    """How the squared error spreads over one quantity.
+    """The distribution of the squared error over one quantity.
 
-    edges: (n + 1,).  error, samples: (n,), shares of the bins.  stretch: (low, high), where the error is densest, with
-    its shares; low > high where an angle goes through north.  p_value: of so dense a stretch by chance.
+    edges: (n + 1,).  error, samples: (n,), shares of the bins.  stretch: (low, high), the interval with the densest
+    error, with its shares; low > high if an interval of angles includes north.  p_value: probability of so dense an
+    interval by chance.
     """
 
     name: str
@@ -43,7 +44,7 @@ class Share:
 
     @property
     def words(self) -> str:
-        """Such as: 71 % of the squared error is in the 24 % of samples with depth between 20 and 60 m."""
+        """For example: 71 % of the squared error is in the 24 % of samples with depth between 20 and 60 m."""
         label, unit = channel(self.name).label, channel(self.name).unit
         between = " and ".join(ends(self.stretch, unit or "1"))
         where = f"the {100 * self.sample_share:.0f} % of samples with {label} between {between}"
@@ -52,7 +53,7 @@ class Share:
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """Root mean square by time within a window, and whether it grows: first and last are of the outer quarters."""
+    """RMS error by time within a window, and whether it grows; first, last: RMS in the first and last quarter."""
 
     time: np.ndarray
     rms: np.ndarray
@@ -63,10 +64,11 @@ class Growth:
 
 @dataclass(frozen=True, eq=False)
 class Habitat:
-    """Where a residual lives.
+    """The habitat of a residual: when and where it is large.
 
-    channel: with the most of it.  channels: share of each in the mean square beyond noise, in units of the noise's.
-    certain: share of resamples of the windows in which that channel leads.  level: below which a p value counts.
+    channel: the one with most of the error.  channels: share of each channel in the mean square above the noise, each
+    relative to its noise.
+    certain: share of resamples of the windows in which that channel leads.  level: significance level of the p-values.
     """
 
     channel: str
@@ -80,11 +82,11 @@ class Habitat:
 
     @property
     def found(self) -> tuple[Share, ...]:
-        """The quantities that the error correlates with, the most certain first."""
+        """The quantities that the error correlates with, the most significant first."""
         return tuple(s for s in self.shares if s.p_value < self.level)
 
     def summary(self) -> str:
-        """A plain paragraph of what passes a test, corrected for the number of tests."""
+        """A plain paragraph about the findings that pass a test, corrected for the number of tests."""
         name, unit = channel(self.channel).label, channel(self.channel).unit
         size = f"With starts fitted to whole windows, free runs still err by {quantity(self.rms, unit)} RMS in {name}"
         if len(self.channels) > 1 and 1.0 - self.certain < self.level:
@@ -105,7 +107,7 @@ class Habitat:
 
 
 def residual_habitat(runs: FreeRuns, record: Record, rng: np.random.Generator) -> Habitat:
-    """Where the residual of free runs lives, in the channel with the most of it.
+    """The habitat of the residual of free runs, in the channel with most of the error.
 
     Raises ValueError if the runs have no residual.
     """
@@ -152,7 +154,7 @@ def _channels(runs: FreeRuns, residual: np.ndarray, window: np.ndarray, rng) -> 
 
 
 def _shares(squares: np.ndarray, window: np.ndarray, signals: dict[str, np.ndarray], rng) -> list[Share]:
-    """The spread of squared errors over each signal, tested by exchanging the windows' errors."""
+    """The distribution of squared errors over each signal, tested by permuting the windows' errors."""
     count = int(window.max()) + 1
     members = [np.flatnonzero(window == w) for w in range(count)]
     # row a: the squared errors of window b as they would fall on the samples of window a
@@ -192,7 +194,7 @@ def _circular(name: str, signal: np.ndarray) -> bool:
 
 
 def _binned(name: str, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Edges with about as many samples between each, and each sample's bin; of a full circle, equal sectors."""
+    """Edges of bins with about equal numbers of samples, and each sample's bin; equal sectors for a full circle."""
     if _circular(name, signal):
         edges = np.linspace(0.0, 2.0 * np.pi, BINS + 1)
         signal = np.mod(signal, 2.0 * np.pi)
@@ -203,7 +205,7 @@ def _binned(name: str, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _stretches(excess: np.ndarray, circular: bool) -> tuple[tuple[int, int], np.ndarray]:
-    """The run of neighbouring bins with the largest excess, (first, length), in the first row; its excess in every row.
+    """The run of adjacent bins, (first, length), with the largest excess in the first row; the largest in every row.
 
     excess: (rows, bins), each row sums to zero.
     """
@@ -220,7 +222,7 @@ def _stretches(excess: np.ndarray, circular: bool) -> tuple[tuple[int, int], np.
 
 
 def _growth(e: np.ndarray, window: np.ndarray, time: np.ndarray) -> Growth | None:
-    """The error by time since the window began, and a signed-rank test over the windows; None for few windows."""
+    """The error by time since the window began, and a signed-rank test over the windows; None if windows are few."""
     members = [np.flatnonzero(window == w) for w in range(int(window.max()) + 1)]
     members = [m for m in members if m.size >= PARTS]
     if len(members) < LEAST_EXCHANGED:

@@ -1,4 +1,4 @@
-"""Which effects of a search hold: in halves of the record, in all of its parts, and beside one another."""
+"""The effects of a search that hold: in halves of the record, in all of its parts, and beside one another."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from identification.diagnosis.search.workbench import State, Workbench
 class Held:
     """The effects that hold.
 
-    state: the fit with them.  searched: the rounds of the search that chose them.  rounds: the same as confirmed beside
-    one another.  survivals: what halves of the record say of each.  dropped: what does not hold, with the reason.
-    left: what the errors hold still.
+    state: the fit with them.  searched: the rounds of the search that chose them.  rounds: the same rounds, confirmed
+    beside one another.  survivals: for each, what halves of the record choose.  dropped: the effects that do not hold,
+    each with the reason.  left: what is still visible in the prediction errors.
     """
 
     state: State
@@ -34,9 +34,10 @@ class Held:
 
 
 def what_holds(searched: Searched, varying: bool) -> Held:
-    """The effects that most halves of the record see, and whose size is one, the others confirmed without the rest.
+    """The effects that most halves of the record choose and whose size is constant, confirmed without the dropped ones.
 
-    varying: whether those stay of which parts of the record contradict each other; nothing constant is named then.
+    varying: keep effects whose sizes contradict each other between parts of the record; the verdict then names no
+    constant effect.
     """
     bench, nominal, state, count = searched.known.bench, searched.nominal, searched.state, len(searched.candidates)
     held, survivals, dropped = list[Round](), list[Survival](), dict[Trial, str]()
@@ -47,7 +48,7 @@ def what_holds(searched: Searched, varying: bool) -> Held:
         if not found.holds:
             dropped[made.chosen] = RARE
         elif held and not varying and _varies(bench, state, made.chosen):
-            dropped[made.chosen] = VARIES  # beside a stronger effect; without that, nothing constant is named
+            dropped[made.chosen] = VARIES  # only beside a stronger effect; the verdict covers the other case
         else:
             held.append(made)
             survivals.append(found)
@@ -63,6 +64,6 @@ def what_holds(searched: Searched, varying: bool) -> Held:
 
 
 def _varies(bench: Workbench, state: State, trial: Trial) -> bool:
-    """Whether parts of the record contradict each other in the size of an effect, but not as dives may."""
+    """Whether parts of the record contradict each other in the size of an effect, other than from dive to dive."""
     own = [p for p in trial.candidate.free if p in state.paths and p not in bench.plant.family.by_dive]
     return bool(own) and steadiness(bench, state, own).varies

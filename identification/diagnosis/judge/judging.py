@@ -1,4 +1,4 @@
-"""Last step of a diagnosis: which effects hold, what they explain, what is left, and the verdict."""
+"""The last step of a diagnosis: which effects hold, what they explain, what is left, and the verdict."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ from identification.fit.strides import cannot_be_shorter
 
 
 def judge(log: CheckedLog, searched: Searched, source: str, progress: Progress) -> Diagnosis:
-    """What is said of a record, its vehicle, and the effects that a search has found.
+    """The diagnosis of a record and its vehicle, given the effects that a search has found.
 
-    source: of the record, for those who read the result.
+    source: where the record came from, for the reader of the result.
     """
     bench, record, asked, extras = searched.known.bench, log.record, log.asked, Extras()
     scoring = Scoring(log, searched, extras)
@@ -46,7 +46,7 @@ def judge(log: CheckedLog, searched: Searched, source: str, progress: Progress) 
         return found, scored, bool(found.weighed.rounds) and (worse or found.weighed.needless)
 
     found, scored, worse = weighed(False)
-    if worse and VARIES in found.dropped.values():  # they may need what differs between parts
+    if worse and VARIES in found.dropped.values():  # the others may need the effect that differs between parts
         whole = weighed(True)
         found, scored, worse = (found, scored, worse) if whole[2] else whole
     if worse:

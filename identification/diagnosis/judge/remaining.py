@@ -16,9 +16,9 @@ from identification.diagnosis.search.remainder import what_is_left
 
 @dataclass(frozen=True, eq=False)
 class Remaining:
-    """What is said of the errors that are left.
+    """The description of the remaining errors.
 
-    after: the vehicle with the term, if one holds.  habitat: of what is left even so.
+    after: the vehicle, with the discovered term if it holds.  habitat: where the error lives that still remains.
     """
 
     after: Stage
@@ -27,7 +27,10 @@ class Remaining:
 
 
 def what_remains(scoring: Scoring, found: Reported, after: Stage) -> Remaining:
-    """The term that explains what effects leave, unless unseen parts of the record are worse with it, and the rest."""
+    """A search for a term that explains what the effects leave, and a description of what then remains.
+
+    The term is refused if it makes free runs in unseen parts of the record worse.
+    """
     log, bench, state, extras = scoring.log, scoring.searched.known.bench, found.state, scoring.extras
     rng = np.random.default_rng(log.asked.seed)
     discovery = Discovery(state.plant, state.paths, state)

@@ -1,4 +1,4 @@
-"""What is reported of the effects that hold: their sizes, ties, and what they leave."""
+"""The reported effects: their sizes, their ties, and what they leave unexplained."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from identification.fit.changing import ChangingPlant
 
 @dataclass(frozen=True, eq=False)
 class Reported:
-    """What is reported.
+    """The reported effects and the numbers that go into the report.
 
-    weighed: the set of effects, and all others that explain the record.  told: the rounds of the search, with ties.
-    sizes: of all that is fitted, by path.  effects, tied: see `effects_of`.  dives: the effect with another size in
-    each dive, if there is one.  left: what the errors hold still.  dropped: paths of effects that are not
-    reported, each with the reason.
+    weighed: the set of effects, and all other sets that explain the record.  told: the rounds of the search, with ties.
+    sizes: of all fitted parameters, by path.  effects, tied: see `effects_of`.  dives: the effect whose size differs
+    between dives, if there is one.  left: what is still visible in the prediction errors.  dropped: paths of effects
+    that are not reported, each with the reason.
     """
 
     weighed: Weighed
@@ -46,16 +46,16 @@ class Reported:
 
 
 def reported(searched: Searched, held: Held, weighed: Weighed) -> Reported:
-    """The effects of the set that is reported, with their sizes; held: what the search found."""
+    """The effects of the reported set, with their sizes; held: the effects of the search that hold."""
     bench, state, count = searched.known.bench, weighed.state, len(searched.candidates)
     left = held.left if state is held.state else what_is_left(bench, state)
-    # where logs may have effects of their own, each has a path already
+    # a plant with effects by log already has a path for each
     by_dive = () if isinstance(bench.plant, ChangingPlant) else bench.plant.family.by_dive
     differing = [d for d in (sizes_by_dive(bench, state, p) for p in by_dive) if d is not None]
     dives = next((d for d in differing if d.path in state.paths), None)
     if dives is not None:
         left = what_is_left(dives.bench, dives.state)
-    elif differing:  # an effect that the search has not found, since its mean does little
+    elif differing:  # the search did not find this effect, since its mean does little
         left = replace(left, changes=left.changes or differing[0].path)
     sizes = bench.intervals(state)
     effects, tied = effects_of(bench, state, weighed.tied, sizes, weighed.survivals, count, weighed.found)
@@ -70,7 +70,7 @@ def reported(searched: Searched, held: Held, weighed: Weighed) -> Reported:
 
 
 def withdrawn(searched: Searched, one: Reported) -> Reported:
-    """The same without its effects: free runs over unseen parts of the record are worse with them, or no better."""
+    """The result without its effects: with them, free runs over unseen parts of the record are worse, or no better."""
     bench, nominal = searched.known.bench, searched.nominal
     why = NEEDLESS if one.weighed.needless else WORSE
     worse = {r.chosen.candidate.paths[0]: why for r in one.weighed.rounds if r.chosen is not None}

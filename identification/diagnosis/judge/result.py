@@ -41,9 +41,10 @@ LEANS = "the log gives no certain size for {it} without the effects that are not
 class Stage:
     """A vehicle and its free runs over all windows.
 
-    unseen: in each part of the record by a vehicle fitted and chosen without that part, which give the error; every: by
-    the vehicle itself, for pictures; both from states fitted to the first seconds.  fitted: from states fitted to whole
-    windows, for tests of whiteness.  without: of each part, the vehicle that was fitted and chosen without it.
+    unseen: free runs in each part of the record, by a vehicle that was fitted and chosen without that part; the errors
+    come from these.  every: free runs of the vehicle itself, for pictures.  Both start from states fitted to a window's
+    first seconds.  fitted: runs from states fitted to whole windows, for tests of whiteness.  without: for each part,
+    the vehicle that was fitted and chosen without it.
     """
 
     plant: Plant
@@ -59,24 +60,20 @@ class Stage:
 class Result:
     """The result of comparing a record with a vehicle.
 
-    given, refitted, after: the vehicle as it came, with its coefficients refitted, and with what was found.  before:
-    what `after` is compared with: `refitted`, or `given` where nothing but coefficients was found.
-    alike: effects of the vehicle after that are not named, since they do not explain the record.
-    tied: groups of paths that the record cannot tell apart.  dropped: paths of effects that the search found and that
-    are not named, each with the reason (`RARE`, `VARIES`, `WORSE`, `NEEDLESS`, `LEANS`).  explained: share of the
-    squared error above the measurement noise that the effects remove.  windows: slices of the record, by part.
-    doubts: what is wrong with the log itself.  discovery, habitat: of what no effect explains, where something is left.
-    averaged: s, over which readings were averaged, 0 where each was read by itself.  shortest: whether the log is too
-    long for less.
-    noise: of a sensor's reading and of the motion, as the filter found it.  left: what its one-step errors hold
-    that noise would not.
-    resting: states that nothing measures.  left_out: channels that were not compared.
-    loops: the closed loop with each of the vehicles.
-    common: what the members of each tie agree on.  planned: whether the experiment that tells them apart is planned.
-    spread: the vehicle after, moved by a standard error in each independent direction of what was fitted.
-    currents: of the dives between two GPS fixes, by the vehicle after.
-    failures: parts that could not be made.  unfinished: steps that the search left out, having reached its limit, in
-    words.  seconds: that each step took.
+    given, refitted, after: the vehicle as given, with its coefficients refitted, and with the effects found.  before:
+    the stage that `after` is compared with: `refitted`, or `given` if only coefficients were found.
+    alike: effects in `after` that are not named, since they do not explain the record.  tied: groups of paths that the
+    record cannot tell apart.  dropped: paths of effects that were found but are not named, each with the reason
+    (`RARE`, `VARIES`, `WORSE`, `NEEDLESS`, `LEANS`).  explained: share of the squared error above the measurement noise
+    that the effects remove.  windows: slices of the record, by part.
+    doubts: problems of the log itself.  discovery, habitat: description of the unexplained error, if there is any.
+    averaged: interval over which readings were averaged, s, or 0.  shortest: whether the length of the log forbids a
+    shorter one.  noise: measurement and process noise as the filter estimated them.  left: structure in the one-step
+    prediction errors that is not noise.  resting: states that no sensor measures.  left_out: channels not compared.
+    loops: the closed loop with each vehicle.  common: the common prediction of each tie.  planned: whether an
+    experiment that tells tied causes apart is planned.  spread: copies of the vehicle `after`, each moved by one
+    standard error in an independent direction of the fit.  currents: those of the dives between two GPS fixes.
+    failures: parts that could not be made.  unfinished: steps skipped at the time limit.  seconds: spent on each step.
     """
 
     verdict: Verdict
@@ -140,7 +137,7 @@ class Result:
 
     @property
     def sensors(self) -> Kinematics | None:
-        """What kinematics says, without the comparison of depth with a speed that was derived from it."""
+        """The kinematic checks, without the comparison of depth with a speed that was derived from depth."""
         if self.kinematics is None or "u_mps: depth rate" not in str(self.record.attrs.get("derived", "")):
             return self.kinematics
         derived = "depth against speed through the water"
@@ -159,12 +156,12 @@ class Result:
         return (*self.effects, *self.alike)
 
     def noise_of(self, name: str) -> float:
-        """The standard deviation of a sensor's noise as the filter found it; infinite where it is not known."""
+        """The standard deviation of a sensor's noise as estimated by the filter; infinite if it is unknown."""
         return self.noise.measurement.get(name, np.inf) if self.noise is not None else np.inf
 
     @property
     def unexplained(self) -> bool:
-        """Whether something is left that neither the effects nor a refit explain."""
+        """Whether something is left that neither the effects nor a refit explains."""
         return self.verdict == "unexplained" or self.discovery is not None
 
     @property
@@ -174,24 +171,24 @@ class Result:
 
     @property
     def only_pushed(self) -> bool:
-        """Whether all that is left is noise, and random accelerations are a part of it."""
+        """Whether only noise is left, and random accelerations are part of it."""
         return self.only_noise and self.noise is not None and bool(self.noise.process)
 
     @property
     def titles(self) -> dict[str, str]:
-        """What effects and coefficients are called, by path."""
+        """The titles of effects and coefficients, by path."""
         named = {x.path: x.title for e in self.added for x in (*e.members, e)}
         others = {x.path: x.title for x in self.detectable} | {c.path: c.title for c in self.coefficients}
         return others | named
 
     @property
     def probabilities(self) -> dict[str, float]:
-        """The probability of each named effect and of what it is tied with, by path."""
+        """The probability of each named effect and of the effects tied with it, by path."""
         members = {m.path: m.probability for e in self.added for m in e.members}
         return members | {e.path: e.probability for e in self.added if e.probability is not None}
 
     def dropped_for(self, reason: str) -> list[str]:
-        """The titles of effects that were found and are not named for a reason."""
+        """The titles of effects that were found but are not named for this reason."""
         titles = {r.chosen.candidate.paths[0]: r.chosen.candidate.title for r in self.rounds if r.chosen}
         return [titles.get(path, path) for path, why in self.dropped.items() if why == reason]
 
@@ -203,7 +200,7 @@ class Result:
 
     @property
     def unseen_words(self) -> str:
-        """What a vehicle has not seen: parts of the log, or dives where each has an unknown of its own."""
+        """What the scored vehicles were not fitted to: parts of the log, or dives if each dive has an unknown state."""
         segments = np.array([s.start for s in self.record.segments])
         used = {int(np.searchsorted(segments, w.start, side="right")) for part in self.windows for w in part}
         return "dives" if unknown_states(self.given.plant) and len(used) > 1 else "parts of the log"

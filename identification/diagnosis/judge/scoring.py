@@ -1,4 +1,4 @@
-"""Errors of free runs of the vehicle as given, refitted, and with what was found, in parts that it has not seen."""
+"""Free-run errors of the vehicle as given, refitted, and with the effects, in parts that it was not fitted to."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ REFITTED = 'Free runs of the refitted vehicle ("before" is the vehicle as given 
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """The vehicle as it came, with its coefficients refitted, and with what was found."""
+    """The vehicle as given, with its coefficients refitted, and with the effects found."""
 
     given: Stage
     refitted: Stage
@@ -36,17 +36,17 @@ class Scored:
 
 @dataclass(frozen=True, eq=False)
 class Scoring:
-    """What scores the states of a search; extras: takes failures of what a diagnosis can do without."""
+    """The scoring of the states of a search; extras: collects failures of optional parts of a diagnosis."""
 
     log: CheckedLog
     searched: Searched
     extras: Extras
 
     def scored(self, state: State, rounds: Sequence[Round]) -> Scored:
-        """The stages of a search that ends in a state; rounds: in which its effects were chosen.
+        """The stages of a search that ends in a state; rounds: those in which its effects were chosen.
 
-        In each part the effects are those that the other parts would have chosen.  Where free runs diverge with the
-        refitted coefficients, the vehicle as given takes their place.
+        In each part, the effects are those that would have been chosen from the other parts.  If free runs diverge with
+        the refitted coefficients, the vehicle as given is scored instead.
         """
         known, nominal, count = self.searched.known, self.searched.nominal, len(self.searched.candidates)
         parts = range(len(self.log.parts))
@@ -63,7 +63,7 @@ class Scoring:
         return Scored(given, refitted([nominal for _ in parts]), after)
 
     def stage(self, state: State, chosen: Sequence[State] = ()) -> Stage:
-        """The stage of a state; chosen: the state that would have been chosen without each part, default itself."""
+        """The stage of a state; chosen: the states that would have been chosen without each part (default: this)."""
         known, nominal, log, plant = self.searched.known, self.searched.nominal, self.log, state.plant
         given, runs, flown = known.given.plant, list[FreeRuns](), list[Plant]()
         for k, one in enumerate(chosen or [state for _ in log.parts]):
@@ -79,11 +79,11 @@ class Scoring:
         return Stage(own, joined, every, fitted, joined.scores(log.record), white, tuple(flown))
 
     def explained(self, before: Stage, after: Stage) -> float:
-        """Share of the squared error above the measurement noise that goes from one stage to the other."""
+        """Share of the squared error above the measurement noise that is removed from one stage to the next."""
         return explained_share(before, after, many_windows(self.log.every_window, self.log.steady))
 
     def every_run(self, plant: Plant) -> FreeRuns | None:
-        """Free runs over every window, or None where they diverge."""
+        """Free runs over every window, or None if they diverge."""
         try:
             with np.errstate(over="ignore", invalid="ignore"):
                 return free_runs(plant, self.log.record, self.log.every_window, self.log.settle)
@@ -91,12 +91,12 @@ class Scoring:
             return None
 
     def changes(self, path: str, neutral: float, after: Stage) -> dict[str, float]:
-        """By how much free runs of a stage change, RMS by channel, where a parameter is put back to neutral."""
+        """RMS change of a stage's free runs, by channel, when a parameter is put back to neutral."""
         without = self.every_run(replace_at(after.plant, path, neutral))
         if without is None:
             return dict.fromkeys(after.every.channels, np.inf)
         change = (without.model - after.every.model)[after.every.scored]
-        if without.signals is not None:  # angles jump at the vertical, turns do not
+        if without.signals is not None:  # angles jump when the vehicle passes the vertical; their residuals do not
             change = np.nan_to_num((after.every.residual - without.residual)[after.every.scored])
         return dict(zip(after.every.channels, np.sqrt((change**2).mean(axis=0)).tolist(), strict=True))
 
@@ -104,7 +104,7 @@ class Scoring:
 def first_that_flies(
     plants: Sequence[Plant], record: Record, windows: Sequence[slice], settle: float
 ) -> tuple[FreeRuns, Plant]:
-    """Free runs of the first plant with which they stay finite, and that plant; raises Diverged where there is none."""
+    """Free runs of the first plant whose runs stay finite, and that plant; raises Diverged if all diverge."""
     for plant in plants[:-1]:
         with suppress(Diverged), np.errstate(over="ignore", invalid="ignore"):
             return free_runs(plant, record, windows, settle), plant

@@ -1,8 +1,9 @@
-"""Intervals of effects that are reported because they were found to be significant.
+"""Confidence intervals of effects that were selected because they are significant.
 
-An effect whose evidence just passes the bar is more often over- than underestimated: had the noise gone the other way,
-it would not have been named.  The interval conditions on having passed (a truncated normal), and is cut to what holds
-for all candidates at once, so that it never contains what the gate has excluded.
+An effect whose evidence just passes the bar is more often over- than underestimated: with the opposite noise, it would
+not have been named.  The interval is therefore conditional on having passed (a truncated normal), and is cut to the
+interval that holds for all candidates at once, so that it never contains the neutral value, which the gate has
+excluded.
 Source: the hybrid interval of Andrews, Kitagawa and McCloskey 2024, Quarterly Journal of Economics 139, pages 305-358.
 """
 
@@ -19,9 +20,9 @@ def selected_interval(
 ) -> tuple[float, float]:
     """The 95 % interval of an effect that is named because its evidence passed a bar.
 
-    limits: the 95 % interval without a choice.  evidence: twice the gain in log-likelihood by the effect.  Where the
-    noise is not what was taken for it, limits are wider than evidence says: the bar is then as much lower in standard
-    errors, and no interval reaches beyond neutral.
+    limits: the 95 % interval without selection.  evidence: twice the gain in log-likelihood by the effect.  If the
+    noise differs from what was assumed, the limits are wider than the evidence suggests; the bar is then lower by the
+    same ratio in standard errors, and no interval reaches beyond neutral.
     """
     usual = float(stats.norm.isf(0.5 * MISSED))
     inner, outer = (limits[0], limits[1]) if value >= neutral else (limits[1], limits[0])
@@ -34,16 +35,16 @@ def selected_interval(
 
 
 def conditional_limits(size: float, least: float, widest: float) -> tuple[float, float]:
-    """Limits of the mean of a unit normal of which `size` was seen, and which is seen only beyond `least`.
+    """Limits of the mean of a unit normal, given the observation `size`, which is reported only beyond `least`.
 
-    A share `FALSE_ALARM` of what may be missed goes to limits without the condition, at that level for all candidates,
-    beyond which nothing is; these are `widest` away, and not beyond zero.
+    A share `FALSE_ALARM` of the miss probability is spent on the interval that holds for all candidates without the
+    condition, `widest` to each side; the limits stay inside it and do not cross zero.
     """
     tail = 0.5 * (MISSED - FALSE_ALARM)
     bounds = (max(size - widest, 0.0), size + widest)
 
     def beyond(mean: float, aim: float) -> float:
-        """Probability that more is seen than was, if anything is; less the aim."""
+        """Probability of an observation beyond `size`, given that it is reported, minus the aim."""
         seen = special.log_ndtr(mean - size)
         passed = np.logaddexp(special.log_ndtr(mean - least), special.log_ndtr(-least - mean))
         return float(np.exp(seen - passed)) - aim

@@ -1,4 +1,4 @@
-"""Effects as a diagnosis reports them, with sizes and intervals, and wrong coefficients."""
+"""Effects as a diagnosis reports them, with sizes and intervals; also wrong coefficients."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def effects_of(
 ) -> tuple[list[Effect], list[tuple[str, ...]]]:
     """The named effects with their intervals, and the groups that the record cannot tell apart.
 
-    count: of all candidates.  found: all sets of effects that explain the record.
+    count: number of all candidates.  found: all sets of effects that explain the record.
     """
     effects, groups = [], []
     for r, survived in zip(rounds, survivals, strict=True):
@@ -77,13 +77,13 @@ def effects_of(
 
 
 def _title(title: str, path: str, state: State) -> str:
-    """What an effect is called: of some logs only, beside the same effect in all of them, a change."""
+    """The title of an effect; "change of ..." for an effect of some logs beside the same effect in all of them."""
     form, own = changed(path)
     return f"change of {title}" if form and own in state.paths else title
 
 
 def _member(bench: Workbench, found: Explanations, path: str, beside: Sequence[str]) -> Member | None:
-    """A member of a tie, with its size in the likeliest set that has it; beside: the other named effects."""
+    """A member of a tie, with its size in the likeliest set that includes it; beside: the other named effects."""
     best = found.best_with(path)
     if best is None:
         return None
@@ -95,7 +95,7 @@ def _member(bench: Workbench, found: Explanations, path: str, beside: Sequence[s
 
 
 def as_coefficients(plant: Plant, effects: Sequence[Effect]) -> list[Effect]:
-    """The effects, those that do nothing but change one coefficient with what it comes to."""
+    """The effects; those that only change one coefficient also get that coefficient's value with the effect."""
     known = plant.family.coefficients_of(plant.parameters)
     told = []
     for effect in effects:
@@ -115,9 +115,9 @@ def as_coefficients(plant: Plant, effects: Sequence[Effect]) -> list[Effect]:
 def coefficient_of(
     plant: Plant, path: str, size: tuple[float, float, float], count: int, deviation: float
 ) -> Coefficient:
-    """A refitted coefficient; wrong where it surely moved, by more than the given value was said to be off by.
+    """A refitted coefficient; wrong if it moved significantly, and further than the stated uncertainty allows.
 
-    deviation: standard deviation of the given value.  One that the vehicle states for itself is taken at its word.
+    deviation: standard deviation of the given value; it counts as stated only if the vehicle itself gives it.
     """
     spec, given, (value, error, _) = spec_at(plant, path), value_at(plant, path), size
     change, least = abs(value - given), LEAST_CHANGE * abs(given)
@@ -129,22 +129,23 @@ def coefficient_of(
 
 
 def coefficient_twins(plant: Plant, found: Sequence[Coefficient]) -> list[tuple[str, ...]]:
-    """Wrong coefficients as which an effect acts, each with that effect."""
+    """Pairs of an effect and the wrong coefficient that it is equivalent to."""
     wrong = {c.path: c for c in found if c.wrong and c.given != 0.0}
     return [(effect, path) for effect, path in plant.twins.items() if path in wrong]
 
 
 def turned_gains(plant: Plant, found: Sequence[Coefficient]) -> list[Coefficient]:
-    """Coefficients as which an actuator's gain acts, and that have surely changed their sign.
+    """Coefficients equivalent to an actuator's gain whose sign has significantly changed.
 
-    No actuator does: a command, or what it moves, has the opposite sign in the record, or the vehicle is another one.
+    No actuator reverses: either a command or the reading of what it moves has the opposite sign in the record, or the
+    record is of another vehicle.
     """
     gains = {path for effect, path in plant.twins.items() if effect.endswith(".gain")}
     return [c for c in found if c.path in gains and max(c.given * end for end in c.ci95) < 0.0]
 
 
 def size_as_effect(plant: Plant, effect: str, given: float, value: float) -> float:
-    """The size of an effect that makes of a given coefficient this value; all of these are linear in their size."""
+    """The size of an effect that turns the given coefficient into this value; the value is linear in the size."""
     shift = 1.0 - spec_at(plant, effect).neutral  # gains are neutral at one, errors at zero
     scaled = ("", lambda coefficient, size: coefficient * (shift + size))
     _, law = plant.family.coefficients_of(plant.parameters).get(effect, scaled)
@@ -153,9 +154,10 @@ def size_as_effect(plant: Plant, effect: str, given: float, value: float) -> flo
 
 
 def twin_effects(groups, effects, found, bench: Workbench, state: State, count: int) -> list[Effect]:
-    """Effects that act as a coefficient does which left its bounds: the record does not tell which it was.
+    """Effects equivalent to a coefficient that changed by more than `BEYOND`: the record does not tell which it was.
 
-    An effect is named if the coefficient's change, told as its size, passes the gate against the coefficient as given.
+    An effect is named if the coefficient's change, expressed as the effect's size, passes the gate against the
+    coefficient as given.
     """
     named = {e.path for e in effects}
 

@@ -14,8 +14,8 @@ from identification.deciding import LEAST_FOR_SPECTRUM, SLOWEST, UNEVEN
 class Rhythm:
     """The period with the most power above the background.
 
-    band: s, periods of the neighbouring frequencies.  share: of the power that lies there.  p_value: of such a peak
-    anywhere in slow noise.
+    band: periods of the neighbouring frequencies, s.  share: share of the power in this band.  p_value: probability of
+    such a peak at any period in slow noise.
     """
 
     period_s: float
@@ -25,10 +25,11 @@ class Rhythm:
 
 
 def residual_period(e: np.ndarray, window: np.ndarray, time: np.ndarray) -> Rhythm | None:
-    """The period that stands out of a residual, (n,), in its windows; None where these are too short or uneven.
+    """The period that stands out of a residual, (n,), in its windows; None if these are too short or unevenly sampled.
 
-    The background is that of a first-order process, fitted robustly, so that a peak does not lift it; a drift across a
-    window and its mean are taken out first.  Source: Mann and Lees 1996; averaged periodograms after Welch 1967.
+    The background is the spectrum of a first-order process, fitted robustly, so that a peak does not raise it.  The
+    mean and drift of each window are removed first.  Source: Mann and Lees 1996; averaged periodograms after Welch
+    1967.
     """
     members = [np.flatnonzero(window == w) for w in np.unique(window)]
     longest = max(m.size for m in members)
@@ -60,9 +61,9 @@ def residual_period(e: np.ndarray, window: np.ndarray, time: np.ndarray) -> Rhyt
 
 
 def _background(cycles: np.ndarray, power: np.ndarray, freedom: int) -> np.ndarray:
-    """The spectrum of a first-order process, plus white noise, that lies through the middle of a spectrum.
+    """The spectrum of a first-order process plus white noise, fitted through the middle of a measured spectrum.
 
-    cycles: per sample.
+    cycles: frequencies in cycles per sample.
     """
     middle = float(stats.chi2.median(freedom)) / freedom
 

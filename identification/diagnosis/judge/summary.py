@@ -1,4 +1,4 @@
-"""What a diagnosis says in words: its summary, sentence by sentence."""
+"""The text of a diagnosis: its summary, sentence by sentence."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from identification.diagnosis.wording import (
 )
 from identification.fit.changing import ChangingPlant, changed, plain
 
-_FEW_DIVES = 6  # that a sentence lists
-_FEW_COEFFICIENTS = 4  # that a sentence lists
-_LASTING = 0.25  # of the longest segment, from which on a correlation time leaves the noise few changes
-_BETTER = 0.95  # of the refitted model's error, below which that of the given one is said to be less
+_FEW_DIVES = 6  # dives listed in one sentence
+_FEW_COEFFICIENTS = 4  # coefficients listed in one sentence
+_LASTING = 0.25  # of the longest segment; with a longer correlation time, the noise changes only a few times in it
+_BETTER = 0.95  # of the refitted model's error; the model as given errs less if its error is below that
 
 
 def paragraphs(d: Result) -> list[str]:
@@ -85,7 +85,7 @@ def _sentence(d: Result) -> str:
 
 
 def likelier(e: Effect) -> list[Member]:
-    """What a named effect is tied with and is more probable, to the percent; the most probable first."""
+    """Members tied with a named effect that are more probable (in whole percent); the most probable first."""
     if e.probability is None:
         return []
     own = round(100.0 * e.probability)
@@ -93,13 +93,13 @@ def likelier(e: Effect) -> list[Member]:
 
 
 def _with_likelier(e: Effect) -> str:
-    """A named effect with its size, after what is more probable if there is any: the fit alone has no say in that."""
+    """A named effect with its size, after any causes that are more probable than it, with theirs."""
     others = [sized(m.title, m.size, interval(m.ci95, m.unit)) for m in likelier(e)]
     return ", or ".join([*others, e.told])
 
 
 def _refitted_sentence(d: Result) -> str:
-    """Coefficients that are surely not as given and that no other sentence tells, the largest changes first."""
+    """Coefficients that differ significantly from the given value and are not mentioned elsewhere; largest first."""
     told = {e.coefficient.path for e in d.effects if e.coefficient is not None}
     told |= {c.path for c in d.coefficients if c.wrong and d.verdict == "coefficients"}
     moved = [c for c in d.coefficients if c.moved and c.path not in told]
@@ -112,14 +112,14 @@ def _refitted_sentence(d: Result) -> str:
 
 
 def _caution_sentence(d: Result) -> str:
-    """What is doubted of a log that effects do not explain."""
+    """Doubts about a log that effects do not explain."""
     if d.verdict != "unexplained":
         return ""
     return " ".join(f"{doubt.text[0].upper()}{doubt.text[1:]}. What to do: {doubt.mend}." for doubt in d.doubts)
 
 
 def unfinished_sentence(d: Result) -> str:
-    """What is said of a search that ended at its limit, or nothing."""
+    """The warning that the search stopped at its time limit, or nothing."""
     if not d.unfinished:
         return ""
     return (
@@ -129,7 +129,7 @@ def unfinished_sentence(d: Result) -> str:
 
 
 def _tied_sentence(d: Result) -> str:
-    """The causes that the log cannot tell apart, with their probabilities, the most probable first."""
+    """The causes that the log cannot tell apart, with their probabilities; the most probable first."""
     if d.verdict != "tied":
         return ""
     titles, odds = d.titles, d.probabilities
@@ -139,7 +139,7 @@ def _tied_sentence(d: Result) -> str:
 
 
 def _with_odds(title: str, probability: float | None) -> str:
-    """A title with its probability in brackets, where there is one."""
+    """A title with its probability in brackets, if it has one."""
     if probability is None:
         return title
     percent = 100.0 * probability
@@ -177,7 +177,7 @@ def _halves_sentence(d: Result) -> str:
 
 
 def _dives_sentence(d: Result) -> str:
-    """The sizes of effects that differ between dives; of many, the smallest and the largest."""
+    """The sizes of effects that differ between dives; if there are many dives, the smallest and the largest size."""
     told = []
     for e in (e for e in d.added if e.by_dive):
         sizes, many = sorted(e.by_dive, key=lambda s: s.value), len(e.by_dive) > _FEW_DIVES
@@ -191,7 +191,7 @@ def _dives_sentence(d: Result) -> str:
 
 
 def unsteady_sentence(d: Result) -> str:
-    """Effects whose size differs between parts of the log, and not from dive to dive."""
+    """Effects whose size differs between parts of the log, other than from dive to dive."""
     names = [short(e.name) for e in d.alike if e.unsteady]
     if not names:
         return ""
@@ -200,7 +200,7 @@ def unsteady_sentence(d: Result) -> str:
 
 
 def _sought(d: Result, when: str) -> str:
-    """Which command looks for what changes within a log, or between several."""
+    """The command that looks for changes within a log, or between several."""
     within = f"auv-gym onset looks for {when}"
     if len(set(d.record.labels)) < 2:
         return within
@@ -208,14 +208,14 @@ def _sought(d: Result, when: str) -> str:
 
 
 def slight_sentence(d: Result) -> str:
-    """Effects whose size surely differs between parts of the log, and hardly."""
+    """Effects whose size differs significantly, but only slightly, between parts of the log."""
     slight = [e for e in d.added if e.steady < UNSTEADY and not (e.unsteady or e.by_dive)]
     told = listed([f"{short(e.name)} (by up to {100.0 * e.apart:.2g} %)" for e in slight])
     return f"Parts of the log differ slightly in the size of {told}." if slight else ""
 
 
 def dropped_sentence(d: Result) -> str:
-    """Effects that the search found and that are not named, or nothing."""
+    """Effects that the search found but that are not named, or nothing."""
     told = []
     for reason in dict.fromkeys(d.dropped.values()):
         titles = d.dropped_for(reason)
@@ -240,7 +240,7 @@ def _slight_sentence(d: Result) -> str:
 
 
 def _logs_sentence(d: Result) -> str:
-    """What an effect comes to in each log where some of them differ in it, and which vehicle is written."""
+    """The size of an effect in each log, if it differs between logs, and which log's vehicle is written to the file."""
     own, after = [changed(e.path)[1] for e in d.added if changed(e.path)[0]], d.after.plant
     if not own or not isinstance(after, ChangingPlant):
         return ""
@@ -281,7 +281,7 @@ def _rest_sentence(d: Result) -> str:
 
 
 def _small(d: Result) -> str:
-    """That what remains is less than the noise of each sensor, where it is, and where it is most beside that."""
+    """If the remaining error is smaller than every sensor's noise: a clause that says so, and where it is largest."""
     beyond = {n: float(np.sqrt(max(s.rmse**2 - d.noise_of(n) ** 2, 0.0))) for n, s in d.after.scores.items()}
     if not all(size < d.noise_of(name) < np.inf for name, size in beyond.items()):
         return ""
@@ -293,7 +293,7 @@ def _small(d: Result) -> str:
 
 
 def left_sentence(d: Result) -> str:
-    """The evidence that something is left, with a space behind it; empty if there is none."""
+    """The evidence that something is left, with a trailing space; empty if there is none."""
     left, shown = d.left, []
     for names, what in ((left.coloured, "are correlated in time"), (left.bursts, "come in bursts")):
         if names:
@@ -319,7 +319,7 @@ def left_sentence(d: Result) -> str:
         title = spec_at(d.state.plant, left.changes).title or left.changes
         if left.changes != CLOCK:
             text += f"The {title} differs between parts of the log: something changed during the log. "
-        elif not replace(left, changes=""):  # beside what a clock does not do, it is hardly the clock
+        elif not replace(left, changes=""):  # if more is left than a clock error would cause, it is hardly the clock
             text += "What remains acts like a clock of the log whose rate differs between parts of it. "
     if left.passing:
         title = spec_at(d.state.plant, left.passing).title or left.passing
@@ -331,7 +331,7 @@ def left_sentence(d: Result) -> str:
 
 
 def _error_sentence(d: Result) -> str:
-    """The errors of free runs: before and after, or of the refitted vehicle, and as given where that is wrong."""
+    """The free-run errors: before and after, or of the refitted vehicle; and as given if that vehicle errs less."""
     parts, corrected = [], d.before is d.given and d.before is not d.after
     first = "as given" if corrected else "before"
     last = "after" if d.changed and d.after is not d.refitted else "refitted"
@@ -384,7 +384,7 @@ def noise_sentence(d: Result) -> str:
 
 
 def drift_sentence(d: Result) -> str:
-    """Noise that lasts so long that what begins, ends or grows during a log would look like it, or nothing."""
+    """A warning that the process noise varies so slowly that it looks like an effect that begins, ends or grows."""
     if d.noise is None or d.unexplained:
         return ""
     longest = max(float(np.ptp(d.record.time[s])) for s in d.record.segments)
@@ -398,7 +398,7 @@ def drift_sentence(d: Result) -> str:
 
 
 def _currents_sentence(d: Result) -> str:
-    """The current of each dive, where GPS fixes show it."""
+    """The depth-averaged current of each dive, if there are GPS fixes."""
     if not d.currents:
         return ""
     dives = "; ".join(current.words for current in d.currents)
@@ -406,7 +406,7 @@ def _currents_sentence(d: Result) -> str:
 
 
 def _unseen_sentence(d: Result) -> str:
-    """States that nothing in the log measures."""
+    """The states that no sensor in the log measures."""
     followed = [name for name in d.resting if name in d.given.plant.family.driven]
     speeds = [channel(name).label for name in followed if name.endswith("_mps")]
     angles = [channel(name).label for name in followed if name in ANGLES]
@@ -424,7 +424,7 @@ def _unseen_sentence(d: Result) -> str:
 
 
 def averaged_sentence(d: Result) -> str:
-    """The interval over which readings were averaged and why, or nothing."""
+    """The interval over which readings were averaged, and why, or nothing."""
     if not d.averaged:
         return ""
     told = f"The fit used readings averaged over {quantity(d.averaged, 's')}, since the log is so "

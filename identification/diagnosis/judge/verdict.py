@@ -17,5 +17,5 @@ class Diagnosis(Result):
         return " ".join(self.paragraphs())
 
     def paragraphs(self) -> list[str]:
-        """The summary in paragraphs, see `identification.diagnosis.judge.summary`."""
+        """The paragraphs of the summary; see `identification.diagnosis.judge.summary`."""
         return paragraphs(self)

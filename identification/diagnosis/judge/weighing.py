@@ -1,4 +1,4 @@
-"""Which of the sets of effects that explain a record is reported, and what else it may be."""
+"""Which of the sets of effects that explain a record is reported, and which other causes are possible."""
 
 from __future__ import annotations
 
@@ -34,9 +34,10 @@ from identification.fit.validation import FreeRuns
 class Weighed:
     """The effects that are reported.
 
-    rounds: where each was tried.  survivals: what halves of the record say of each.  found: all explanations.
-    needless: whether the record is explained as well without any: by a fit to which a rival has led that came to
-    nothing.
+    rounds: the rounds in which each was tried.  survivals: for each, what halves of the record choose.  found: all
+    explanations.
+    needless: whether the record is explained as well without any effect, according to a fit that started from a rival
+    which turned out to be idle.
     """
 
     state: State
@@ -47,14 +48,14 @@ class Weighed:
 
     @property
     def tied(self) -> tuple[Round, ...]:
-        """The rounds, each with the ties that all explanations leave."""
+        """The rounds, each with the ties that follow from the probabilities of all explanations."""
         return tied_rounds(self.found, self.rounds, self.survivals) if self.found.sets else self.rounds
 
 
 def weigh(searched: Searched, held: Held, most: int) -> Weighed:
-    """The likeliest set of effects that passes the gate, its ties by the probabilities of all sets.
+    """The likeliest set of effects that passes the gate, with ties by the probabilities of all sets.
 
-    held: the effects of the search that hold.  most: effects in a set.
+    held: the effects of the search that hold.  most: largest number of effects in a set.
     """
     bench, nominal, count = searched.known.bench, searched.nominal, len(searched.candidates)
     state, rounds, survivals = held.state, held.rounds, held.survivals
@@ -72,7 +73,8 @@ def weigh(searched: Searched, held: Held, most: int) -> Weighed:
         return selected(bench, near, left, count, searched.kinematics.mismatches)
 
     def passes(other: Explanation) -> Explanation | None:
-        # likelier than what was chosen, though one of its effects may be idle: what it is without that is likelier, too
+        # it is likelier than the chosen set, even if one of its effects is idle; without that effect, it is likelier
+        # still
         fitted = bench.fit(other.state.plant, other.state.paths, other.state)
         after, kept = confirmed(bench, nominal, fitted, other.rounds, count)
         if not kept:
@@ -82,7 +84,7 @@ def weigh(searched: Searched, held: Held, most: int) -> Weighed:
         made = explanation(bench, after, kept)
         return None if _overruled(searched, rounds, made) else made
 
-    bare: list[float] = []  # costs of the vehicle without effects, where likelier sets come down to it
+    bare: list[float] = []  # costs of the vehicle without effects, from likelier sets whose effects all proved idle
     found = explanations(bench, state, rounds, survivals, most, search)
     reported, found = likeliest(found, rounds, passes)
     if reported.state is not state:
@@ -94,7 +96,7 @@ def weigh(searched: Searched, held: Held, most: int) -> Weighed:
 
 
 def rounds_told(searched: Searched, held: Sequence[Round], weighed: Weighed) -> tuple[Round, ...]:
-    """The rounds of the search with their ties; those of another set that is reported come first."""
+    """The rounds of the search with their ties; if another set is reported, its rounds come first."""
     if all(a is b for a, b in zip(held, weighed.rounds, strict=False)) and len(held) == len(weighed.rounds):
         now = {id(made): tied for made, tied in zip(held, weighed.tied, strict=True)}
         return tuple(now.get(id(made), made) for made in searched.rounds)
@@ -102,7 +104,7 @@ def rounds_told(searched: Searched, held: Sequence[Round], weighed: Weighed) -> 
 
 
 def _overruled(searched: Searched, rounds: Sequence[Round], other: Explanation) -> bool:
-    """Whether kinematics supports a chosen effect that another set has not: what sensors show, no force may replace."""
+    """Whether another set lacks a chosen effect that kinematics supports: no force may replace a shown sensor error."""
     shown = {path for m in searched.kinematics.mismatches for path in (m.path, *m.tied)}
     chosen = [r.chosen.candidate for r in rounds if r.chosen is not None]
     return any(not shown.isdisjoint(c.paths) and c not in other.candidates for c in chosen)
@@ -115,9 +117,9 @@ def common_predictions(
     state: State,
     fly: Callable[[Plant], FreeRuns | None],
 ) -> tuple[Common, ...]:
-    """The common prediction of each tie of effects, each member in the likeliest set that has it.
+    """The common prediction of each tie, using for each member the likeliest set that includes it.
 
-    groups: paths, a named effect first.  state: that is reported.  fly: see `common_prediction`.
+    groups: paths, a named effect first.  state: the reported one.  fly: see `common_prediction`.
     """
     named, told = {e.path: e for e in effects}, []
     for group in groups:
