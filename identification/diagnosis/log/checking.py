@@ -1,4 +1,4 @@
-"""First step of a diagnosis: what a record can be asked, and what looks wrong with it."""
+"""The first step of a diagnosis: what a record can be used for, and what looks wrong with it."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from identification.fit.steps import readings_noise
 from identification.fit.windows import LEAST_SAMPLES, free_run_windows
 
 RECORD_LONGER = "record longer, give several logs of the vehicle, or diagnose with shorter windows (--window)."
-_SHORTER = (1.0, 0.8, 0.65, 0.5)  # of the vehicle's window, tried in turn in short records
+_SHORTER = (1.0, 0.8, 0.65, 0.5)  # shares of the vehicle's window, tried in turn for short records
 
 
 @dataclass(frozen=True)
 class Asked:
-    """How `diagnose` was called: what it takes to call it again."""
+    """The arguments of `diagnose`, for calling it again."""
 
     window: float | None = None
     settle: float | None = None
@@ -34,12 +34,12 @@ class Asked:
 
 @dataclass(frozen=True, eq=False)
 class CheckedLog:
-    """A record that a vehicle can be compared with, and how.
+    """A record that a vehicle can be compared with, and how to compare it.
 
-    parts: of the rows that are used.  windows: of free runs in each part, at most `window` s long, of which the first
-    `settle` s tell the initial states.  steady: whether they may last as long as was asked.
-    doubts: what is wrong with the log itself.  left_out: channels that nothing can foretell, since the speeds that move
-    them were not measured.
+    parts: of the rows that are used.  windows: of the free runs in each part, at most `window` s long; the initial
+    states are fitted to their first `settle` s.  steady: whether the windows can be as long as requested.
+    doubts: problems of the log itself.  left_out: channels that cannot be predicted, since the velocities they depend
+    on were not measured.
     """
 
     record: Record
@@ -65,13 +65,14 @@ class CheckedLog:
 
     @property
     def firm(self) -> bool:
-        """Whether a doubt needs no model to be sure."""
+        """Whether a doubt is certain without a fit of effects."""
         return any(d.firm for d in self.doubts)
 
     def in_brief(self) -> CheckedLog:
-        """The log, of which fits count one stretch of each part if it is long; windows are those of the whole log.
+        """The log with fits limited to one stretch of each part, if it is long; the windows still cover the whole log.
 
-        Not where each segment has an unknown of its own, which a stretch of it would tell less well.
+        A log whose segments each have an unknown state is left as it is: a short stretch would determine that state
+        less well.
         """
         states, samples = len(self.plant.family.states), sum(p.stop - p.start for part in self.parts for p in part)
         if samples * states <= MOST_FOLLOWED or unknown_states(self.plant):
@@ -86,9 +87,9 @@ class CheckedLog:
         return replace(self, record=self.record.with_notes([*self.record.notes, line]), parts=parts)
 
     def in_shorter_windows(self) -> CheckedLog | None:
-        """The log with free runs half as long, None where these would hold too few samples.
+        """The log with free runs half as long; None if they would then have too few samples.
 
-        For vehicles that run away in longer ones, as one that is unstable does with coefficients that it was not given.
+        For vehicles whose longer runs diverge, for example an unstable vehicle with inaccurate coefficients.
         """
         window = 0.5 * self.window
         windows = tuple(windows_of(self.record, part, window) for part in self.parts)
@@ -101,7 +102,7 @@ class CheckedLog:
 
 
 def check_log(record: Record, plant: Plant, asked: Asked) -> CheckedLog:
-    """The record as it can be used.
+    """Check a record and prepare it for the diagnosis.
 
     Raises ValueError if it is too short, lacks a channel, or does not excite the vehicle.
     """
@@ -127,7 +128,7 @@ def check_log(record: Record, plant: Plant, asked: Asked) -> CheckedLog:
 
 
 def too_short(record: Record, plant: Plant) -> str:
-    """Why a record has too few windows to be compared with free runs; '' where it has enough."""
+    """The reason why a record has too few windows for free runs; '' if it has enough."""
     try:
         record = described(plant, record)
         _checked_windows(record, plant, _usual_window(plant, record), 0.0)
@@ -137,9 +138,10 @@ def too_short(record: Record, plant: Plant) -> str:
 
 
 def _adrift(record: Record, plant: Plant) -> tuple[str, ...]:
-    """The depth of a vehicle that loops, where nothing tells its speed forward and to starboard.
+    """The depth channel of a vehicle that loops, if its forward or lateral speed is unknown.
 
-    While it is level, its speed down alone makes the depth; pointing up or down, each of its speeds does.
+    While the vehicle is level, the depth depends on its vertical speed only; while it points up or down, on all three
+    speeds.
     """
     channels = [name for name in plant.outputs if record.has(name)]
     unknown = plant.family.resting(channels) & {"u_mps", "v_mps"}
@@ -149,7 +151,7 @@ def _adrift(record: Record, plant: Plant) -> tuple[str, ...]:
 
 
 def _usual_window(plant: Plant, record: Record) -> float:
-    """The vehicle's length of a window, s, or down to half of it where the record has too few of these."""
+    """The vehicle's window length, s; reduced to as little as half if the record has too few such windows."""
     for share in _SHORTER:
         windows = free_run_windows(plant, record, share * plant.window)
         if len(windows) >= LEAST_WINDOWS and min(w.stop - w.start for w in windows) >= LEAST_SAMPLES:
@@ -184,11 +186,12 @@ def _checked_windows(record: Record, plant: Plant, window: float, settle: float)
 
 
 def noise_limited_length(plant: Plant, record: Record, seconds: float) -> float:
-    """Seconds that free runs may last before the noise of their first reading decides them: at most those given.
+    """The length of free runs, s, up to which noise in the initial state does not dominate; at most the given length.
 
-    Doubled from the shortest while noise in a measured state grows by less than `MOST_GROWTH` on its way to any output.
-    A vehicle that is unstable in yaw, as many torpedoes are, tells of its model for a few seconds only.  From short to
-    long, since long runs of a wrong model leave the record for where it may be stable.
+    The length is doubled from the shortest while noise in a measured initial state grows by less than `MOST_GROWTH` in
+    every output.  If a vehicle is unstable in yaw, as many torpedoes are, its free runs say something about the model
+    for a few seconds only.  The search goes from short to long, since long runs of a wrong model may end up in a region
+    where it is stable.
     """
     lengths = [seconds]
     while True:
@@ -203,7 +206,7 @@ def noise_limited_length(plant: Plant, record: Record, seconds: float) -> float:
 
 
 def _growth(plant: Plant, record: Record, seconds: float) -> float:
-    """By how much noise in a measured state at the start of a window grows, in noises of the outputs."""
+    """The largest growth of noise in a measured initial state over a window, in units of the outputs' noise."""
     problem = Shooting(plant, record, free_run_windows(plant, record, seconds))
     noise, point = readings_noise(problem), problem.point(plant.vector, problem.first_guess)
     if not np.isfinite(point.cost):

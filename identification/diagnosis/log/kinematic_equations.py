@@ -1,7 +1,8 @@
-"""Kinematics that tie sensors to each other, integrated, with what each sensor effect adds to first order; no forces.
+"""Kinematic equations that relate sensors to each other, integrated and linearised in each sensor effect; no forces.
 
-Every equation is: measured angle, position or integrated speed, less what another sensor makes of it, equals a constant
-for each block plus the sum of effects times their columns plus noise.  Source: Fossen 2021, sec. 2.2 (Euler rates).
+Each equation says: a measured angle, position or integrated speed, minus its value computed from other sensors, equals
+a constant for each block plus the sum of effects times their columns plus noise.  Source: Fossen 2021, sec. 2.2 (Euler
+rates).
 """
 
 from __future__ import annotations
@@ -17,18 +18,19 @@ from auv_gym.records.attitude import ANGLES, from_angles, interpolated_angles, t
 from auv_gym.records.record import Record
 
 GROUND, WATER = ("u_dvl_mps", "v_dvl_mps", "w_dvl_mps"), ("u_mps", "v_mps", "w_mps")
-SPAN = 1.0  # s, over which a measured angle or depth is differenced: short against lags, long against noise
+SPAN = 1.0  # s, over which a measured angle or depth is differenced: short beside lags, long beside noise
 _POSITION = ("north_m", "east_m", "depth_m")
 _CURRENT = tuple(f"effects.current.{name}" for name in ("north", "east", "down"))
 _CLOCK = "effects.clock.rate"
-_SHEAR = ("effects.current.shear_north", "effects.current.shear_east")  # stated from the surface
+_SHEAR = ("effects.current.shear_north", "effects.current.shear_east")  # defined from the surface down
 
 
 @dataclass(frozen=True, eq=False)
 class Equation:
-    """One signal against others: what is left of it, and the column of each effect.
+    """One signal compared with others: their difference, and the derivative of it with respect to each effect.
 
-    title: words, `heading against gyros`.  rest: (n,).  columns: effect path to (n,), d rest / d effect.
+    title: words, `heading against gyros`.  rest: the difference, (n,).  columns: effect path to (n,), d rest / d
+    effect.
     """
 
     title: str
@@ -38,9 +40,9 @@ class Equation:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Signals of a record at its samples and, averaged, in the middle of its intervals; absent ones are zero.
+    """Signals of a record at its samples and, averaged, at the midpoints of its intervals; missing ones are zero.
 
-    held: inputs, which stand from a sample to the next.
+    held: inputs, which stay constant from one sample to the next.
     """
 
     record: Record
@@ -54,7 +56,7 @@ class Motion:
 
     @cached_property
     def far(self) -> bool:
-        """Whether the attitude was measured and turns far, so that angles cannot be averaged or differenced."""
+        """Whether the measured attitude turns so far that its angles cannot be averaged or differenced."""
         return self.has(*ANGLES) and turns_far(self.record["roll_rad"], self.record["pitch_rad"])
 
     @cached_property
@@ -63,22 +65,22 @@ class Motion:
         return interpolated_angles(0.5 * (time[1:] + time[:-1]), time, self.record.matrix(ANGLES))
 
     def middle(self, name: str) -> np.ndarray:
-        """Shape (n - 1,)."""
+        """The signal at the midpoints of the intervals, (n - 1,)."""
         if name in ANGLES and self.far:
             return self._turned_halfway[:, ANGLES.index(name)]
         values = self.at(name)
         return values[:-1] if name in self.held else 0.5 * (values[1:] + values[:-1])
 
     def integral(self, rates: np.ndarray) -> np.ndarray:
-        """Running integral of rates at the middles of the intervals, zero at the first sample, shape (n,)."""
+        """Running integral of rates given at the midpoints of the intervals, zero at the first sample; shape (n,)."""
         return np.r_[0.0, np.cumsum(rates * np.diff(self.record.time))]
 
     def smooth(self, values: np.ndarray) -> np.ndarray:
-        """Values averaged over about `SPAN`, by the slope of their running sum."""
+        """Values averaged over about `SPAN`, as the slope of their running integral."""
         return self.slope(self.integral(0.5 * (values[1:] + values[:-1])))
 
     def slope(self, values: np.ndarray) -> np.ndarray:
-        """Rate of change at the samples by central differences over about `SPAN`, short ones at the ends."""
+        """Rate of change at the samples by central differences over about `SPAN`, shorter at the ends."""
         time, reach = self.record.time, max(round(0.5 * SPAN / self.record.sample_interval), 1)
         rows = np.arange(len(values))
         before, after = np.maximum(rows - reach, 0), np.minimum(rows + reach, len(values) - 1)
@@ -113,7 +115,7 @@ def _attitude(m: Motion) -> list[Equation]:
     rolling, nodding, yawing = euler_rates(p, q, r, roll, pitch)
     turning = yawing * level
     rates = {
-        # rate; what a unit of bias p, q, r takes from it; of misalignment and of roll bias adds to it
+        # rate; its change per unit of bias in p, q, r; per unit of misalignment; per unit of roll bias
         "roll": (rolling, (-1.0 + 0.0 * s, -t * s, -t * c), -q + t * s * p, -t * nodding),
         "pitch": (nodding, (0.0 * s, -c, s), c * p, turning),
         "heading": (yawing, (0.0 * s, -s / level, -c / level), s * p / level, -nodding / level),
@@ -132,7 +134,7 @@ def _attitude(m: Motion) -> list[Equation]:
             columns["effects.gyros.misalignment"] = m.integral(turned)
         columns["effects.inclinometer.roll_bias"] = m.integral(rolled)
         if name == "heading":
-            # by the gyros: columns with the compass's own noise in them would seem to explain it
+            # from the gyros: with the compass's own noise in them, these columns would seem to explain it
             smooth = expected + np.mean(angle - expected)
             columns["effects.compass.lag"] = -m.slope(expected)
             columns["effects.compass.deviation_sin"] = np.sin(smooth)
@@ -142,7 +144,7 @@ def _attitude(m: Motion) -> list[Equation]:
 
 
 def _turns(m: Motion) -> list[Equation]:
-    """Turns of the measured attitude about the body axes against gyros, where it goes through the vertical."""
+    """Turns of the measured attitude about the body axes against gyros, for a vehicle that passes the vertical."""
     turned = unrolled(from_angles(*m.record.matrix(ANGLES).T))
     p, q, r = (m.middle(name) for name in ("p_radps", "q_radps", "r_radps"))
     axes = (("bow", "p", p, -q), ("starboard", "q", q, p), ("downward", "r", r, 0.0 * r))
@@ -161,16 +163,16 @@ def _turns(m: Motion) -> list[Equation]:
 
 
 def _turned(m: Motion, v: np.ndarray) -> np.ndarray:
-    """Body vectors (3, n - 1) in north, east, down by the measured attitude."""
+    """Body vectors, (3, n - 1), rotated into north, east and down by the measured attitude."""
     return np.stack(velocity_ned(*v, *(m.middle(name) for name in ("roll_rad", "pitch_rad", "heading_rad"))))
 
 
 def _track(m: Motion, names: Sequence[str], sensor: str) -> list[Equation]:
-    """North, east and depth against speed, over ground or, with the current, through the water."""
+    """North, east and depth against speed over ground or, with the current, speed through the water."""
     v = np.stack([m.middle(name) for name in names])
     velocity = _turned(m, v)
     heading, unit = m.middle("heading_rad"), np.eye(3)[:, :, None] * np.ones(v.shape[1])
-    # by how much a turn of the vehicle about the vertical, and about its level athwart axis, moves its velocity
+    # change of the velocity when the vehicle turns about the vertical, and about its level athwartships axis
     swing = np.stack([-velocity[1], velocity[0], 0.0 * heading])
     across = np.stack([np.cos(heading) * velocity[2], np.sin(heading) * velocity[2], 0.0 * heading])
     across[2] = -(np.cos(heading) * velocity[0] + np.sin(heading) * velocity[1])
@@ -189,7 +191,7 @@ def _track(m: Motion, names: Sequence[str], sensor: str) -> list[Equation]:
     rates["effects.compass.bias"] = -swing
     rates["effects.compass.deviation_sin"] = -np.sin(heading) * swing
     rates["effects.compass.deviation_cos"] = -np.cos(heading) * swing
-    if not m.far:  # a compass that passes the vertical swings round, however little the vehicle turns
+    if not m.far:  # a heading that passes the vertical swings round, however little the vehicle turns
         rates["effects.compass.lag"] = np.gradient(heading, np.arange(heading.size)) / np.diff(m.record.time) * swing
     if m.has("pitch_rad"):
         rates["effects.inclinometer.pitch_bias"] = -across
@@ -211,10 +213,10 @@ def _ground_and_water(m: Motion) -> list[Equation]:
     """Speed over ground against speed through the water, integrated, in body axes."""
     found, eye = [], np.eye(3)
     ones = np.ones(len(m.record) - 1)
-    # the rows of the rotation are what a current to the north, east or down is in body axes
+    # the rows of the rotation are unit currents to the north, east and down in body axes
     columns_of = [_turned(m, eye[:, k][:, None] * ones) for k in range(3)]
     g, w = (np.stack([m.middle(name) for name in names]) for names in (GROUND, WATER))
-    both = 0.5 * (g + w)  # with each speed in its own column, scales of one would cancel the two, and their noise
+    both = 0.5 * (g + w)  # if each used its own speed, a scale would cancel the noise as well
     for k, axis in enumerate("uvw"):
         columns = {path: m.integral(columns_of[k][j]) for j, path in enumerate(_CURRENT)}
         if m.has("depth_m"):

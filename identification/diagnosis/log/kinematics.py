@@ -1,4 +1,4 @@
-"""Sensors against each other by kinematics alone: what one of them must be wrong by, whatever the forces were."""
+"""Kinematic comparison of sensors: the error that one of them must have, whatever the forces were."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ MOST = 6
 class Mismatch:
     """A sensor effect that kinematics supports.
 
-    evidence: twice the gain in log-likelihood.  tied: effects that would explain the same.  between: the equations that
-    gain by it.
+    evidence: twice the gain in log-likelihood.  tied: effects that would explain the same.  between: titles of the
+    equations that it improves.
     """
 
     path: str
@@ -46,7 +46,7 @@ class Mismatch:
 
 @dataclass(frozen=True)
 class Clear:
-    """A sensor effect that the record can judge by kinematics, and finds neutral."""
+    """A sensor effect that kinematics can determine from the record and finds neutral."""
 
     path: str
     value: float
@@ -55,9 +55,9 @@ class Clear:
 
 @dataclass(frozen=True)
 class Kinematics:
-    """What kinematics says of a record's sensors.
+    """The kinematic findings about a record's sensors.
 
-    equations: which sensors could be compared, in words.
+    equations: the comparisons that were possible, in words.
     """
 
     mismatches: tuple[Mismatch, ...]
@@ -81,11 +81,11 @@ class _System:
 
 
 def kinematic_findings(record: Record, plant: Plant) -> Kinematics:
-    """What kinematics supports and what it clears, of the sensor effects and currents that the plant knows.
+    """The sensor effects and currents of a plant that kinematics supports, and those that it clears.
 
-    Effects are taken up one by one, the one with the most evidence first, while that is as much as `PLAINLY` standard
-    errors make, and sure.
-    Intervals come from the scatter of the blocks, so that they allow for noise of any colour within a block.
+    Effects are selected one by one, the one with the most evidence first, as long as the evidence reaches `PLAINLY`
+    standard errors and is significant over the blocks.
+    Intervals come from the scatter between blocks, so that noise may have any colour within a block.
     """
     system = _system(record, plant)
     if system is None:
@@ -100,7 +100,7 @@ def kinematic_findings(record: Record, plant: Plant) -> Kinematics:
         top = max(rest, key=lambda k: evidence[k], default=None)
         if top is None or evidence[top] < PLAINLY**2 or not _sure(system, [*chosen, top]):
             break
-        # among those that do nearly as much the likelihood decides: it sees the equations that weigh little
+        # among those with nearly as much evidence, the likelihood decides: it includes equations of little weight
         loss = {k: _loss(system, [*chosen, k]) for k in rest if evidence[k] > NEARLY * evidence[top]}
         best = min(loss, key=lambda k: loss[k])
         ties.append([k for k in loss if k != best and loss[k] < loss[best] + TIE])
@@ -122,7 +122,7 @@ def kinematic_findings(record: Record, plant: Plant) -> Kinematics:
 
 
 def _sensible(plant: Plant, path: str, value: float) -> bool:
-    """Whether a value is worth telling, and one that the effect can have."""
+    """Whether a value is large enough to report, and within the effect's bounds."""
     spec = spec_at(plant, path)
     return abs(value) > WORTH_TELLING * spec.probe and spec.bounds[0] <= value <= spec.bounds[1]
 
@@ -147,7 +147,7 @@ def _mismatch(system: _System, plant: Plant, chosen: list[int], k: int, tied: Se
 
 
 def _system(record: Record, plant: Plant) -> _System | None:
-    """The whitened regression; None where nothing can be compared."""
+    """The whitened regression; None if no sensors can be compared."""
     known = [p for p in list_paths(plant) if p.startswith("effects.") and spec_at(plant, p).probe > 0.0]
     parts: dict[str, list[tuple[Equation, slice]]] = {}
     for block in _blocks(record):
@@ -173,7 +173,7 @@ def _blocks(record: Record) -> list[slice]:
 
 
 def _whitened(found: list[tuple[Equation, slice]], paths: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows of one equation less their blocks' means, as innovations of a first-order process of unit variance."""
+    """Rows of one equation minus their block means, as unit-variance innovations of a first-order process."""
     xs, ys, blocks = [], [], []
     for equation, block in found:
         x = np.stack([equation.columns.get(p, np.zeros(len(equation.rest))) for p in paths], axis=1)
@@ -191,7 +191,7 @@ def _whitened(found: list[tuple[Equation, slice]], paths: tuple[str, ...]) -> tu
     first = np.zeros(len(y), dtype=bool)
     first[edges[:-1]] = True
     phi = 0.0
-    for _ in range(3):  # the colour of what the effects leave, and the effects given that colour
+    for _ in range(3):  # alternate between the correlation of the residual and the effects given that correlation
         u, v = (_innovations(a, phi, first) for a in (x, y))
         rest = y - x @ np.linalg.lstsq(u, v, rcond=1e-9)[0]
         inner = ~first
@@ -240,19 +240,19 @@ def _estimate(system: _System, chosen: Sequence[int], k: int) -> tuple[float, fl
 
 
 def _evidence(system: _System, chosen: Sequence[int], k: int) -> float:
-    """Twice the gain in log-likelihood by one more effect, no more than its scatter over the blocks bears out."""
+    """Twice the gain in log-likelihood by one more effect, limited to what its scatter over the blocks supports."""
     gain = _loss(system, chosen) - _loss(system, [*chosen, k])
     return float(min(gain, _errors(system, [*chosen, k]) ** 2))
 
 
 def _sure(system: _System, chosen: Sequence[int]) -> bool:
-    """Whether the last of these effects is as surely not chance as `PLAINLY` says, by a scatter over few blocks."""
+    """Whether the last of these effects is significant at the level of `PLAINLY`, given the few blocks."""
     bar = stats.t.isf(stats.norm.sf(PLAINLY), _freedom(system))
     return bool(_errors(system, chosen) > bar)
 
 
 def _errors(system: _System, chosen: Sequence[int]) -> float:
-    """How many of its standard errors over the blocks the last of these effects is from neutral."""
+    """Distance of the last of these effects from neutral, in its standard errors over the blocks."""
     value, half = _estimate(system, chosen, chosen[-1])
     error = half / stats.t.ppf(0.975, _freedom(system))
     return float(abs(value) / error) if error > 0.0 else 0.0

@@ -1,6 +1,6 @@
-"""A record in parts: fits count all of it, what they find must foretell each part, and errors are those of unseen ones.
+"""Division of a record into parts: fits use all of them, findings must predict each one, errors are of unseen parts.
 
-Parts follow from the record, not from how long free runs are wanted, so that no name depends on that.
+The parts depend on the record, not on the requested length of free runs, so that the effects named do not depend on it.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ Part = tuple[slice, ...]
 
 
 def parts_of(plant: Plant, record: Record, most: int = MOST_PARTS) -> tuple[Part, ...]:
-    """The stretches that a filter goes through, in up to `most` parts of equal length, one after the other.
+    """The stretches that a filter goes through, in up to `most` consecutive parts of equal duration.
 
-    Of whole segments in turn where each has an unknown of its own (`Family.shared`), which its pieces would tell each
-    other, and there are several.
+    If each segment has an unknown state (`Family.shared`) and there are several, whole segments are dealt to the parts
+    in turn: pieces of one segment would share that state.
     """
     stretches = stretches_of(plant, record)
     if unknown_states(plant):
@@ -41,7 +41,7 @@ def parts_of(plant: Plant, record: Record, most: int = MOST_PARTS) -> tuple[Part
 
 
 def in_equal_times(record: Record, stretches: Sequence[slice], count: int) -> list[list[slice]]:
-    """The pieces of stretches in each of `count` equal times; see `block_numbers`."""
+    """The pieces of stretches in each of `count` equal spans of time; see `block_numbers`."""
     numbers = block_numbers(record, stretches, count)
     found: list[list[slice]] = [[] for _ in range(count)]
     for stretch, own in zip(stretches, (numbers[s] for s in _own(stretches)), strict=True):
@@ -61,16 +61,16 @@ class OneLog:
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """The log's label, or "log" and its number."""
         return self.label or f"log {self.number}"
 
     def among(self, pieces: Sequence[slice]) -> list[slice]:
-        """Those of some pieces of the record that begin in it."""
+        """The pieces of the record that begin in this log."""
         return [p for p in pieces if self.rows.start <= p.start < self.rows.stop]
 
 
 def logs_in(record: Record) -> list[OneLog]:
-    """The logs of a record, which are its segments of one label."""
+    """The logs of a record: consecutive segments with the same label."""
     found: list[OneLog] = []
     for label, segment in zip(record.labels, record.segments, strict=True):
         if found and found[-1].label == label:
@@ -81,9 +81,9 @@ def logs_in(record: Record) -> list[OneLog]:
 
 
 def excerpts(record: Record, parts: Sequence[Part], inputs: Sequence[str], samples: int) -> tuple[Part, ...]:
-    """Of each part, the stretch of at most so many samples in which the inputs move most; of several logs, one of each.
+    """The stretch of each part, at most `samples` long, in which the inputs move most; one from each log if several.
 
-    No reading decides which of them count, only what was commanded.
+    The choice depends only on the commands, not on any reading.
     """
     logs, found = logs_in(record), list[Part]()
     for part in parts:
@@ -100,14 +100,14 @@ def _liveliest(record: Record, part: Sequence[slice], inputs: Sequence[str], sam
 
 
 def excitation(record: Record, inputs: Sequence[str], pieces: Sequence[slice]) -> np.ndarray:
-    """How much those inputs that a record has move in each of some pieces, each over its most in any, summed; (K,)."""
+    """The excitation of each piece, (K,): standard deviation of each input, over its largest in any piece, summed."""
     signals = [record[name] for name in inputs if record.has(name)]
     moves = np.array([[float(np.std(signal[p])) for signal in signals] for p in pieces])
     return np.sum(moves / np.maximum(moves.max(axis=0), 1e-12), axis=1)
 
 
 def block_numbers(record: Record, stretches: Sequence[slice], count: int) -> np.ndarray:
-    """For each row of the stretches, which of `count` equal times it is in, what lies between stretches left out."""
+    """The number of the equal span of time, of `count`, that each row of the stretches is in; gaps do not count."""
     lengths = [record.time[s] - record.time[s.start] for s in stretches]
     before = np.cumsum([0.0, *(float(own[-1]) * own.size / max(own.size - 1, 1) for own in lengths)])
     at = np.concatenate([own + b for own, b in zip(lengths, before, strict=False)])
@@ -115,7 +115,7 @@ def block_numbers(record: Record, stretches: Sequence[slice], count: int) -> np.
 
 
 def windows_of(record: Record, part: Part, seconds: float) -> Part:
-    """A part in equal windows of at most `seconds`; what is shorter than half of that only if there is nothing else."""
+    """A part in equal windows of at most `seconds`; ones shorter than half of that only if there are no others."""
     found = [w for piece in part for w in cut(record.time, piece.start, piece.stop, seconds)]
     found = [w for w in found if w.stop - w.start >= LEAST_SAMPLES]
     long = [w for w in found if record.time[w.stop - 1] - record.time[w.start] >= 0.5 * seconds]
@@ -123,6 +123,6 @@ def windows_of(record: Record, part: Part, seconds: float) -> Part:
 
 
 def _own(stretches: Sequence[slice]) -> list[slice]:
-    """Where the rows of each stretch are among those of all."""
+    """The position of each stretch's rows among the rows of all stretches."""
     edges = np.cumsum([0, *(s.stop - s.start for s in stretches)])
     return [slice(int(a), int(b)) for a, b in pairwise(edges)]

@@ -1,4 +1,4 @@
-"""Doubts about the log itself: slips that explain a disagreement better than any change of the vehicle does."""
+"""Doubts about the log itself: slips that explain a disagreement better than any change of the vehicle."""
 
 from __future__ import annotations
 
@@ -39,19 +39,21 @@ from identification.fit.shooting import Shooting
 from identification.fit.windows import held_out
 
 ROWS, PIECES, SHORTLIST = 80, 4, 3
-DIVES = 4  # of a log, where each is taken whole
-STEEPEST = 0.5 * np.pi + 0.1  # rad; beyond, a channel is no pitch
+DIVES = 4  # of a log, if dives are taken whole
+STEEPEST = 0.5 * np.pi + 0.1  # rad; a channel beyond this is not a pitch angle
 GYROS = ("p_radps", "q_radps", "r_radps")
-_WILD = 9.0  # error of a run that has left the finite numbers
+_WILD = 9.0  # error assigned to a run that diverged
 
 
 @dataclass(frozen=True)
 class Doubt:
     """A reason to distrust the log.
 
-    text: what looks wrong.  gain: squared error as declared over that with the slip undone, in windows that fitted
-    nothing.  mend: what to do.  slip: for `undone`; None where no slip mends it.  instead: what would do the same.
-    firm: whether effects need not be tried first; a clock or a factor that leaves more than noise may be an effect.
+    text: what looks wrong.  gain: squared error of the log as declared over that with the slip undone, in windows that
+    were not fitted.  mend: what to do.  slip: for `undone`; None if no slip explains the log.  instead: other slips
+    that would explain it as well.
+    firm: whether it holds without trying effects first; a clock or scale slip that leaves more than noise may be an
+    effect.
     """
 
     text: str
@@ -65,10 +67,10 @@ class Doubt:
 
 @dataclass(frozen=True, eq=False)
 class Match:
-    """How far free runs of a plant are from a record: by channel, squared error over the signal's variance.
+    """The distance between free runs of a plant and a record: squared error over the signal's variance, by channel.
 
-    still: the same for signals that are mostly noise, over the least variance that is not; see `telling`.
-    noise: squared error over the variance of what is white in it, as far as that was worked out.
+    still: the same for signals that are mostly noise, over the smallest variance that counts as motion; see `telling`.
+    noise: squared error over the variance of its white part, for the channels for which it was computed.
     """
 
     plant: Plant
@@ -78,7 +80,7 @@ class Match:
 
     @property
     def total(self) -> float:
-        """The mean over the channels of e/(1 + e), so that one wild channel counts as one."""
+        """The mean over the channels of e/(1 + e), so that one diverged channel counts as one."""
         return float(np.mean([e / (1.0 + e) for e in self.errors.values()])) if self.errors else 0.0
 
     @property
@@ -87,17 +89,17 @@ class Match:
         return tuple(name for name, error in self.still.items() if error > BAD)
 
     def telling(self, names: Iterable[str]) -> Match:
-        """The match in which these signals count even where they hardly move."""
+        """The match in which these signals count even if they hardly move."""
         return replace(self, errors=self.errors | {n: self.still[n] for n in names if n in self.still})
 
     def within(self, names: Iterable[str]) -> Match:
-        """The match in these signals alone, those that hardly move among them."""
+        """The match in these signals only, including those that hardly move."""
         kept = set(names)
         still = {n: e for n, e in self.still.items() if n in kept}
         return replace(self, errors={n: e for n, e in self.errors.items() if n in kept}, still=still)
 
     def add(self, name: str, values: np.ndarray, error: float, window: np.ndarray) -> None:
-        """Puts a channel's squared error in, less the noise's variance, for a signal in windows numbered by row."""
+        """Add a channel's squared error, minus the noise variance; window: the window number of each row."""
         keep = np.isfinite(values)
         counts = np.bincount(window[keep], minlength=window[-1] + 1)
         means = np.bincount(window[keep], values[keep], minlength=window[-1] + 1) / np.maximum(counts, 1)
@@ -109,13 +111,14 @@ class Match:
 
 
 def log_doubts(record: Record, plant: Plant, windows: Sequence[slice], settle: float = 0.0) -> tuple[Doubt, ...]:
-    """What is wrong with the log itself, if anything; empty for a log that a vehicle of this kind can have made.
+    """The problems of the log itself; empty for a log that a vehicle of this kind can have produced.
 
-    Each slip is undone in turn, starts and coefficients are fitted, these within `FACTOR` and with their signs, and
-    free runs are compared with those of the record as declared, in half of the windows and again in the other half.
-    settle: s at the windows' starts that are left out, for logs that begin in the middle of a manoeuvre.
+    Each slip is undone in turn and the initial states and coefficients are fitted, the coefficients within `FACTOR` and
+    without a change of sign.  Free runs are then compared with those of the record as declared, in the fitted half of
+    the windows and in the other half.
+    settle: s, left out at the start of each window, for logs that begin in the middle of a manoeuvre.
     """
-    windows = windows or record.windows(plant.window)  # none is under water in a log whose depth is upside down
+    windows = windows or record.windows(plant.window)  # a log whose depth has the wrong sign has no window under water
     masks = [_excited(record, plant, part, settle) for part in held_out(plant, record, windows)]
     if not all(mask.any() for mask in masks):
         return ()
@@ -152,7 +155,7 @@ def log_doubts(record: Record, plant: Plant, windows: Sequence[slice], settle: f
 
 @dataclass(frozen=True)
 class _Mended:
-    """A slip that explains a log: the error left, how far the coefficients moved to it, and what undoing it gains."""
+    """A slip that explains a log: the error left, how far coefficients moved, and by how much the error falls."""
 
     left: float
     moved: float
@@ -162,7 +165,7 @@ class _Mended:
 
 
 def _doubt(found: Sequence[_Mended]) -> Doubt:
-    """The slip that leaves least; of those that leave as little, the one that needs the least change of the vehicle."""
+    """The slip that leaves the smallest error; of nearly equal ones, the one that changes the vehicle least."""
     least = min(each.left for each in found)
     equal = [each for each in found if each.left <= 1.3 * least + 0.3 * FLOOR]
     first, *others = sorted(equal, key=lambda each: each.moved)
@@ -187,25 +190,25 @@ def _foreign(plant: Plant, *matches: Match) -> Doubt:
 
 
 def _free(plant: Plant) -> tuple[str, ...]:
-    """The coefficients that a fit may change by a factor."""
+    """The nonzero coefficients, which a fit may change by a factor."""
     return tuple(p for p in plant.coefficients if value_at(plant, p) != 0.0)
 
 
 def _factor(plant: Plant, path: str) -> float:
-    """The factor by which a coefficient may differ here: more than `FACTOR` where it is known less well."""
+    """The factor by which a coefficient may differ: `FACTOR`, or more if its stated deviation is large."""
     return max(FACTOR, 1.0 + REACH * plant.deviations.get(path, 0.0) / abs(value_at(plant, path)))
 
 
 def _moved(given: Plant, fitted: Plant, paths: Sequence[str]) -> float:
-    """The farthest that a fit moved a coefficient, as a share of the way to the most that it may differ by."""
+    """The largest change of a coefficient by a fit, as a share (in logarithms) of the largest change allowed."""
     ratios = {p: max(value_at(fitted, p) / value_at(given, p), 1e-9) for p in paths}
     return max((abs(np.log(ratio)) / np.log(_factor(given, p)) for p, ratio in ratios.items()), default=0.0)
 
 
 def _excited(record: Record, plant: Plant, windows: Sequence[slice], settle: float) -> np.ndarray:
-    """Which samples are in those pieces of the windows in which the inputs move most, as a mask; pieces never touch."""
+    """A mask of the samples in those pieces of the windows in which the inputs move most; pieces never touch."""
     mask, pieces = np.zeros(len(record), dtype=bool), []
-    if plant.family.shared:  # whole dives: each has an unknown of its own, which pieces of it would not share
+    if plant.family.shared:  # whole dives: each has an unknown state, which its pieces would not share
         for s in record.segments[:: max(len(record.segments) // DIVES, 1)]:
             inside = [w for w in windows if s.start <= w.start < s.stop]
             if inside:
@@ -213,7 +216,7 @@ def _excited(record: Record, plant: Plant, windows: Sequence[slice], settle: flo
         return mask
     for w in windows:
         start = int(np.searchsorted(record.time[w], record.time[w.start] + settle)) + w.start
-        # one sample is left out, so that neighbours stay apart
+        # leave one sample out to keep adjacent pieces apart
         pieces += [slice(a, b - 1) for a, b in pairwise([*range(start, w.stop, ROWS), w.stop]) if b - a > 8]
     if not pieces or not any(record.has(name) for name in plant.family.required):
         return mask
@@ -224,7 +227,7 @@ def _excited(record: Record, plant: Plant, windows: Sequence[slice], settle: flo
 
 
 def _match(record: Record, plant: Plant, paths: Sequence[str] = (), iterations: int = 4) -> Match:
-    """Free runs over the segments of a record from fitted starts, with coefficients fitted within `FACTOR`."""
+    """Compare free runs with the segments of a record, from fitted starts, with coefficients fitted within `FACTOR`."""
     if not _possible(record, plant):
         return Match(plant, {name: _WILD for name in (*plant.outputs, "depth_m", "pitch_rad") if record.has(name)})
     problem = Shooting(plant, record, record.segments)
@@ -233,13 +236,13 @@ def _match(record: Record, plant: Plant, paths: Sequence[str] = (), iterations: 
         with (
             suppress(np.linalg.LinAlgError),
             np.errstate(all="ignore"),
-        ):  # a run on the brink of diverging has slopes that are no numbers
+        ):  # a run close to divergence has sensitivities that are not finite
             found, point = _fitted(problem, plant, paths, iterations)
     match, known = Match(found), np.isfinite(point.cost)
     for c, name in enumerate(problem.channels):
         if problem.counts[c] == 0:
             continue
-        held, window = record.readings(name), problem.window_of_row  # values between readings are not as noisy as these
+        held, window = record.readings(name), problem.window_of_row  # filled-in values are less noisy
         residual = point.residual[held, c]
         error = float(np.nanmean(residual**2)) if known else np.inf
         match.add(name, problem.signals[held, c], error, window[held])
@@ -267,7 +270,7 @@ def _fitted(problem: Shooting, plant: Plant, paths: Sequence[str], iterations: i
 
 
 def _sink(match: Match, record: Record, window: np.ndarray) -> None:
-    """Puts the error of depth by speed and pitch in, for a plant that does not say it."""
+    """Add the error of depth, integrated from speed and pitch, for a plant without a depth output."""
     if not all(record.has(name) for name in ("depth_m", "pitch_rad", "u_mps")):
         return
     v, w, roll = (record[name] if record.has(name) else 0.0 for name in ("v_mps", "w_mps", "roll_rad"))
@@ -281,11 +284,11 @@ def _sink(match: Match, record: Record, window: np.ndarray) -> None:
 
 
 def _possible(record: Record, plant: Plant) -> bool:
-    """Whether angles, depth and speed are what a vehicle can have."""
+    """Whether the angles, depth and speed are possible for a vehicle."""
     for name in ("pitch_rad", "rudder_rad", "stern_plane_rad", "bow_plane_rad"):
         if record.has(name) and np.quantile(np.abs(record[name]), 0.95) > STEEPEST:
             return False
-    # past the vertical roll winds up: only of a vehicle that stays clear of it does it say that something is wrong
+    # beyond the vertical, roll winds up: it indicates an error only for a vehicle that stays clear of the vertical
     upright = not record.has("pitch_rad") or float(np.abs(record["pitch_rad"]).max()) < STEEP
     if upright and record.has("roll_rad") and np.quantile(np.abs(_less_turns(record["roll_rad"])), 0.95) > 2.0 * np.pi:
         return False
@@ -293,17 +296,17 @@ def _possible(record: Record, plant: Plant) -> bool:
     if not below or not record.has("u_mps"):
         return below
     speed = float(np.median(record["u_mps"]))
-    # what thrusters hold in place drifts astern as often as ahead
+    # a vehicle held in place by thrusters drifts astern as often as ahead
     return -FASTEST < speed < FASTEST if "u_mps" in plant.family.driven else 0.0 < speed < FASTEST
 
 
 def _less_turns(angle: np.ndarray) -> np.ndarray:
-    """An angle less the whole turns about which it is: a glider that swings at the surface dives with one of them."""
+    """An angle minus the whole turns in its median: a glider may turn round at the surface before it dives."""
     return angle - 2.0 * np.pi * np.round(np.median(angle) / (2.0 * np.pi))
 
 
 def _concerned(slip: Slip, plant: Plant, declared: Match) -> bool:
-    """Whether a slip can have done what is seen: one that acts everywhere, or of a sensor that is off."""
+    """Whether a slip can have caused the errors: it acts on all signals, or on a sensor with a large error."""
     if _everywhere(slip, plant):
         return True
     poor = [declared.errors.get(name, 0.0) > POOR for name in slip.channels]
@@ -311,9 +314,9 @@ def _concerned(slip: Slip, plant: Plant, declared: Match) -> bool:
 
 
 def _agreeing(slip: Slip, record: Record, plant: Plant) -> bool:
-    """Whether undoing a slip leaves attitude and gyros in no worse agreement; of attitudes that turn far.
+    """Whether undoing a slip leaves attitude and gyros in no worse agreement; checked if the attitude turns far.
 
-    There the error of a run is a turn, which is bounded, whatever an angle is multiplied by.
+    The error of such a run is a rotation, which is bounded, whatever factor an angle is multiplied by.
     """
     if set(slip.channels).isdisjoint((*ANGLES, *GYROS)) or not all(record.has(n) for n in (*ANGLES, *GYROS)):
         return True
@@ -323,7 +326,7 @@ def _agreeing(slip: Slip, record: Record, plant: Plant) -> bool:
 
 
 def _disagreement(record: Record) -> float:
-    """What the turns of the measured attitude leave of those by gyros, RMS over samples, rad."""
+    """RMS difference over samples between turns of the measured attitude and turns by the gyros, rad."""
     rates, left = record.matrix(GYROS), []
     for part in record.segments:
         turned = turns(from_angles(*record.matrix(ANGLES)[part].T))
@@ -332,17 +335,17 @@ def _disagreement(record: Record) -> float:
 
 
 def _everywhere(slip: Slip, plant: Plant) -> bool:
-    """Whether a slip acts on all signals, as one of the clock or of an input does, not on its own sensors alone."""
+    """Whether a slip acts on all signals (a slip of the clock or of an input), not only on its own sensors."""
     return slip.clock != 1.0 or not set(slip.channels).isdisjoint(plant.inputs)
 
 
 def _ranked(
     suspects: Sequence[Slip], record: Record, mask: np.ndarray, plant: Plant, stray: Sequence[str]
 ) -> list[tuple[Slip, Record]]:
-    """The most promising slips and the record without them, by runs with the coefficients as given.
+    """The most promising slips, each with the record corrected for it, by runs with the coefficients as given.
 
-    These start from what is measured, and from fitted states where there are some that nobody knows.  stray: signals
-    that count even where they hardly move.
+    The runs start from measured states, or from fitted ones if the vehicle has unknown states.  stray: signals that
+    count even if they hardly move.
     """
     scores = []
     for number, slip in enumerate(suspects):
@@ -355,7 +358,7 @@ def _ranked(
 
 
 def _glance(record: Record, plant: Plant, stray: Sequence[str]) -> Match:
-    """A match without any fit: the runs start from what is measured; a mean error counts for stray signals only."""
+    """A match without any fit: runs start from measured states; a constant error counts for stray signals only."""
     logged, names, chart = outputs_of(plant, record), plant.family.states, Chart.along(plant.family, record)
     signals = chart.signals(plant.outputs, logged, np.arange(len(record)))
     starts = np.zeros((1, len(record.segments), len(names)))
@@ -386,10 +389,10 @@ def _glance(record: Record, plant: Plant, stray: Sequence[str]) -> Match:
 
 
 def _gain(slip: Slip, plant: Plant, before: Match, after: Match) -> float:
-    """Factor by which the error falls: in all channels, or, for a sensor's slip, in its own if they were bad.
+    """The factor by which the error falls: over all channels or, for a sensor's slip, in its own if they were bad.
 
-    Signals count that move, or are stray, before or after.  Infinite where none of a sensor's does, so that nothing can
-    be said; zero where the slip would leave a signal without any change.
+    Only signals that move or are stray, before or after, count.  Infinite if none of the sensor's signals counts, so
+    that nothing can be said; zero if the slip would leave a signal without any variation.
     """
     everywhere = _everywhere(slip, plant)
     told = {*before.errors, *after.errors, *before.stray, *after.stray}

@@ -16,10 +16,10 @@ from identification.fit.shooting import unknown_states
 
 
 def with_own_effects(log: CheckedLog, paths: Sequence[str]) -> CheckedLog | None:
-    """The logs with parts that hold a share of each, and a vehicle whose effects may be those of some logs only.
+    """Parts that each hold a share of every log, and a vehicle whose effects may apply to some logs only.
 
-    Of one log, of all from one on, and of all up to one.  paths: of the effects.  None where there is one log only, or
-    where a part of a log could not be foretold from the rest of that log.
+    Effects may apply to one log, to all logs from one on, or to all logs up to one.  paths: of the effects.  None if
+    there is only one log, or if a part of a log could not be predicted from the rest of that log.
     """
     logs = logs_in(log.record)
     parts = _shares_of_each(log, logs)
@@ -34,12 +34,12 @@ def with_own_effects(log: CheckedLog, paths: Sequence[str]) -> CheckedLog | None
 
 
 def in_last_log(plant: Plant, record: Record) -> Plant:
-    """A vehicle as it was in the last of a record's logs."""
+    """The vehicle as it was in the last of a record's logs."""
     return plant.at_row(len(record) - 1) if isinstance(plant, ChangingPlant) else plant
 
 
 def last_log(plant: Plant, record: Record) -> tuple[Record, str]:
-    """The log of which `in_last_log` has the vehicle, and what it is called; the record where all are of one."""
+    """The log to which the vehicle of `in_last_log` belongs, and its name; the record if nothing differs by log."""
     if not isinstance(plant, ChangingPlant):
         return record, "the log"
     last = logs_in(record)[-1]
@@ -57,13 +57,13 @@ def _courses(logs: Sequence[OneLog]) -> dict[str, Course]:
 
 
 def _shares_of_each(log: CheckedLog, logs: Sequence[OneLog]) -> tuple[Part, ...]:
-    """As many parts as the log has, each with a share of each of the logs; none where a log has less than two."""
+    """As many parts as the log has, each with a share of every log; none if a log has fewer than two shares."""
     count = len(log.parts)
     found: list[list[slice]] = [[] for _ in range(count)]
     pieces = sorted((piece for part in log.parts for piece in part), key=lambda w: w.start)
     for one in logs:
         own = one.among(pieces)
-        if unknown_states(log.plant):  # dives as a whole: pieces would tell each other what each does not know
+        if unknown_states(log.plant):  # keep dives whole: pieces of one dive would share its unknown state
             shares = [own[k::count] for k in range(count)]
         else:
             shares = in_equal_times(log.record, own, count) if own else []

@@ -1,4 +1,4 @@
-"""Slips in how a log was written down: a sign, a unit, two columns exchanged, a clock; each can be undone."""
+"""Slips in how a log was written: a wrong sign, a wrong unit, two columns exchanged, a clock; each can be undone."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 
 KNOT = 1852.0 / 3600.0  # m/s
-_TURNED = (  # what is often logged with the opposite sign
+_TURNED = (  # channels that are often logged with the opposite sign
     *("rudder_rad", "stern_plane_rad", "bow_plane_rad", "heading_rad", "roll_rad", "pitch_rad", "depth_m", "piston_m"),
     *(
         "oil_volume_m3",
@@ -31,7 +31,7 @@ _TURNED = (  # what is often logged with the opposite sign
     ),
     *("east_m", "propeller_rpm", "propeller_V", "u_mps", "u_dvl_mps"),
 )
-# volumes that a record may count from an end, while the column in the file counts from neutral, as a Seaglider's does
+# volumes that a record may count from one end, while the file counts from neutral, as a Seaglider's does
 _VOLUMES = ("buoyancy_volume_m3",)
 _EXCHANGED = (
     *(("rudder_rad", "stern_plane_rad"), ("rudder_rad", "bow_plane_rad"), ("roll_rad", "pitch_rad")),
@@ -39,7 +39,7 @@ _EXCHANGED = (
     *(("u_dvl_mps", "v_dvl_mps"), ("v_dvl_mps", "w_dvl_mps"), ("north_m", "east_m"), ("p_radps", "q_radps")),
     *(("q_radps", "r_radps"), ("p_radps", "r_radps"), ("u_mps", "w_mps"), ("u_dvl_mps", "w_dvl_mps")),
 )
-_INSTRUMENTS = (  # channels that come from one instrument and so share a unit
+_INSTRUMENTS = (  # channels of one instrument, which therefore share a unit
     ("p_radps", "q_radps", "r_radps"),
     ("roll_rad", "pitch_rad"),
     ("roll_rad", "pitch_rad", "heading_rad"),
@@ -49,7 +49,7 @@ _INSTRUMENTS = (  # channels that come from one instrument and so share a unit
     ("north_m", "east_m"),
 )
 _ANGLE = ((radians(1.0), "degrees"), (degrees(1.0), "radians turned into radians once more"))
-_UNITS = {  # unit of a channel: what values in another unit are multiplied by, and its name
+_UNITS = {  # by unit of a channel: the factors for values logged in another unit, and that unit's name
     "rad": _ANGLE,
     "rad/s": ((radians(1.0), "degrees per second"), (degrees(1.0), "radians per second converted once more")),
     "m/s": ((KNOT, "knots"), (0.01, "centimetres per second"), (1.0 / KNOT, "knots converted twice")),
@@ -58,17 +58,17 @@ _UNITS = {  # unit of a channel: what values in another unit are multiplied by, 
     "m3": ((1e-6, "millilitres"), (1e-3, "litres")),
     "V": ((1e-3, "millivolts"),),
 }
-_FOLDED = 1.0  # rms of steps, of pi / sqrt(3) where they are folded at random
+_FOLDED = 1.0  # RMS of steps; randomly wrapped steps have pi / sqrt(3)
 _CLOCKS = ((2.0, "half"), (0.5, "twice"))
 
 
 @dataclass(frozen=True)
 class Slip:
-    """One way in which a record may be wrong, and what undoes it.
+    """One way in which a record may be wrong, and how to undo it.
 
-    factors: what each channel is multiplied by to be right.  exchanged: the two channels change places.  clock: what
-    times are multiplied by.  offset: added after the factors.  acts_on: the measured velocities that it changes alone,
-    in which it is judged; empty for all signals.
+    factors: what to multiply each channel by.  exchanged: whether the two channels change places.  clock: what to
+    multiply times by.  offset: added after the factors.  acts_on: the measured velocities by which the slip is judged,
+    if it only affects those; empty for all signals.
     """
 
     text: str
@@ -82,18 +82,18 @@ class Slip:
 
     @property
     def scales(self) -> bool:
-        """Whether it only makes something larger or slower, as a gain, a lag or a drag can."""
+        """Whether it only scales a signal or time, as a gain, a lag or a drag can."""
         return not self.exchanged and all(f > 0.0 for f in self.factors)
 
 
 def possible_slips(record: Record, plant: Plant) -> tuple[Slip, ...]:
-    """The slips that can have happened to a record of this plant, in the channels that the plant runs on."""
+    """The slips that can have happened to a record of this plant, in the channels that the plant uses."""
     used = {name for name in (*plant.inputs, *plant.outputs, "depth_m", "pitch_rad") if record.has(name)}
     return (*_signs(used, plant), *_units(used), *_exchanges(used), *_clocks())
 
 
 def undone(record: Record, slip: Slip, plant: Plant) -> Record:
-    """The record as it would be had the slip not happened: to confirm a doubt, or to go on with."""
+    """The record with a slip undone, to confirm a doubt or to continue with."""
     values = {}
     if slip.exchanged:
         first, second = slip.channels
@@ -110,21 +110,21 @@ def undone(record: Record, slip: Slip, plant: Plant) -> Record:
 
 
 def _unfolded(record: Record, name: str, factor: float, plant: Plant) -> np.ndarray:
-    """An angle in its own unit, without the steps of 2 pi that reading put into it as if it were in radians.
+    """An angle in its own unit, without the steps of 2 pi that were inserted when it was read as radians.
 
-    Where the vehicle may turn by more than pi of that unit from sample to sample, the steps are those that come nearest
-    to what the plant does by itself.
+    If the vehicle may turn by more than pi (in that unit) between samples, the steps closest to the plant's own
+    simulation are used.
     """
     values = record[name]
     if not 0.0 < factor < 1.0 or name not in plant.outputs:
         return values
     try:
         expected = np.diff(simulate(plant, record)[name]) / factor
-    except (Diverged, ValueError):  # nothing to go by
+    except (Diverged, ValueError):  # no simulation to compare with
         return values
     fast = np.abs(expected) > 0.5 * np.pi
     steps = np.diff(values)
-    if not fast.any() or np.sqrt(np.mean(steps[fast] ** 2)) < _FOLDED:  # else honest radians would be bent to the plant
+    if not fast.any() or np.sqrt(np.mean(steps[fast] ** 2)) < _FOLDED:  # else correct radians would change
         return values
     steps = steps + np.where(fast, 2.0 * np.pi * np.round((expected - steps) / (2.0 * np.pi)), 0.0)
     result = values[0] + np.r_[0.0, np.cumsum(steps)]
@@ -154,7 +154,7 @@ def _signs(used: set[str], plant: Plant) -> Iterator[Slip]:
     for name in _VOLUMES:
         path = plant.family.constants.get(name, "")
         neutral = value_at(plant, path) if path else 0.0
-        if name in used and neutral != 0.0:  # about 0, the sign alone is turned
+        if name in used and neutral != 0.0:  # about 0, only the sign is reversed
             text = f"the {channel(name).label} moves the wrong way: {name} looks mirrored about neutral"
             mend = f"subtract {name} from {2.0 * neutral:.6g} m3, twice its neutral, or change the sign of its column"
             yield Slip(text, mend, (name,), (-1.0,), offset=2.0 * neutral)

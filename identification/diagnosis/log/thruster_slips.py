@@ -1,4 +1,4 @@
-"""Slips of thrusters: one that pushes the wrong way, two that are exchanged; and which of them a log suggests."""
+"""Slips of thrusters (one reversed, or two exchanged), and which of them a log suggests."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from auv_gym.plant.thrusters import Thrusters, find_thrusters
 from auv_gym.records.record import Record
 from identification.diagnosis.log.slips import Slip
 
-LIKELY = 3  # of them that are tried by fits
-_SPAN = 0.2  # s, over which velocities are differenced: longer than the lag of a thruster, shorter than a response
+LIKELY = 3  # number of slips that are tried by fits
+_SPAN = 0.2  # s, over which velocities are differenced: longer than a thruster's lag, shorter than the response
 _AXES = ("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps")
-_MOVED = 0.01  # of the largest on an axis, from which a thruster acts on it
+_MOVED = 0.01  # of the largest wrench on an axis; above this, a thruster acts on the axis
 _DOWN = np.vectorize(lambda roll, pitch: body_axes_of(0.0, 0.0, 1.0, roll, pitch, 0.0), otypes=(float, float, float))
 
 
 def thruster_slips(record: Record, plant: Plant) -> Iterator[Slip]:
-    """A slip for each thruster that may be turned round, and for each two that may have changed places."""
+    """A slip for each thruster that may be reversed, and for each pair that may be exchanged."""
     if plant.family.body is None or not plant.family.body.thrusters:
         return
     thrusters = find_thrusters(plant)
@@ -45,18 +45,18 @@ def thruster_slips(record: Record, plant: Plant) -> Iterator[Slip]:
 
 
 def _acts_on(thrusters: Thrusters, record: Record, moved: Sequence[int]) -> tuple[str, ...]:
-    """The measured velocities that some thrusters move."""
+    """The measured velocities that these thrusters change."""
     size = np.abs(thrusters.wrench)
     acts = np.any(size[:, list(moved)] > _MOVED * size.max(axis=1, keepdims=True), axis=1)
     return tuple(name for name, acting in zip(_AXES, acts, strict=True) if acting and record.has(name))
 
 
 def likely_slips(slips: Sequence[Slip], record: Record, plant: Plant) -> list[Slip]:
-    """Those slips of thrusters that explain a record better than none does, by a regression; the best ones first.
+    """The thruster slips that explain a record better than none does, by a regression; the best first.
 
-    Each velocity's change over a short time is regressed on what the thrusters make of it by the plant's masses, the
-    velocity, its square and the attitude; their part has a factor of its own that is not negative, so that a thrust
-    curve or an inertia that is far off does not hide a sign.
+    Each velocity's change over a short time is regressed on the accelerations that the thrusters cause by the plant's
+    masses, on the velocity, its square and the attitude.  The thrusters' part has a non-negative factor of its own, so
+    that a wrong thrust curve or inertia does not hide a wrong sign.
     """
     if not slips:
         return []
@@ -91,10 +91,10 @@ def _thrusts(thrusters: Thrusters, n: int, commands: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class _Change:
-    """How one velocity changes over `_SPAN`, less what itself and the attitude make of it; `axis` of the six.
+    """The change of one velocity over `_SPAN`, minus the part predicted from the velocity and the attitude.
 
-    basis: orthonormal columns of these.  change: (n,), what they leave.  rows: (n, 2), first row and the one after the
-    last of each span.
+    axis: index among the six.  basis: orthonormal columns of the predictors.  change: the remaining change, (n,).
+    rows: (n, 2), the first row of each span and the row after its last.
     """
 
     name: str
@@ -116,7 +116,7 @@ class _Change:
         return cls(name, axis, rows, basis, change - basis @ (basis.T @ change))
 
     def left(self, acceleration: np.ndarray) -> float:
-        """Squared error that what the thrusters do leaves, with the factor that suits best, m^2/s^4 or rad^2/s^4."""
+        """Mean squared error after fitting the thrusters' part with the best factor, m^2/s^4 or rad^2/s^4."""
         push = _means(acceleration, self.rows)
         push = push - self.basis @ (self.basis.T @ push)
         size = float(push @ push)
@@ -125,6 +125,6 @@ class _Change:
 
 
 def _means(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Means of values from one row of each pair to the other, which is not counted."""
+    """Means of values over spans of rows; the second row of each pair is not included."""
     sums = np.r_[0.0, np.cumsum(values)]
     return (sums[rows[:, 1]] - sums[rows[:, 0]]) / (rows[:, 1] - rows[:, 0])
