@@ -38,15 +38,15 @@ def diagnose(
     source: str = "",
     progress: Progress = lambda fraction, text: None,
 ) -> Diagnosis:
-    """The effect that the plant is missing to explain the record, with the error before and after on unseen parts.
+    """The effect that a plant is missing to explain a record, with the error before and after on unseen parts.
 
-    window: s, length of the free runs (see `free_run_windows`).  settle: s at a window's start to which its
-    initial states are fitted.  Both default to the vehicle's; an unstable vehicle's windows are shortened, and settling
-    times with short windows.
-    Several logs (segments of different labels) are one record.  Where no effect of all of them explains it, effects of
-    some of them only are sought, too.
-    doubt: standard deviation of the vehicle's own coefficients, relative, where it states none; 0 holds all of them.
-    seed: of what resamples blocks.  trust: also of logs that look mislabelled.
+    window: s, length of the free runs (see `free_run_windows`).  settle: s at a window's start to which its initial
+    states are fitted.  Both default to the vehicle's values.  Windows are shortened for an unstable vehicle, and
+    settling times for short windows.
+    Several logs (segments of different labels) form one record.  If no effect common to all logs explains it, effects
+    of only some logs are also tried.
+    doubt: relative standard deviation of the vehicle's coefficients, for those that state none; 0 keeps them all fixed.
+    seed: for resampling.  trust: whether to diagnose logs that look mislabelled, too.
     Raises ValueError if the record is too short, lacks a channel, or does not excite the vehicle.
 
     Example:
@@ -74,7 +74,7 @@ def diagnose(
         return timed("searching effects", lambda: search_effects(log, known, progress))
 
     def judged(log: CheckedLog, searched: Searched, progress: Progress = progress) -> tuple[Diagnosis, CheckedLog]:
-        """The diagnosis by free runs that are as short as they must be to stay finite, and the log with these."""
+        """The diagnosis, with windows shortened until free runs stay finite, and the log with these windows."""
         try:
             return timed("judging", lambda: judge(log, searched, source, progress)), log
         except Diverged:
@@ -90,16 +90,16 @@ def diagnose(
     log = timed("checking the log", lambda: check_log(record, plant, asked))
     if log.slipped and not log.firm:
         trusting = diagnose(record, plant, **vars(replace(asked, trust=True)), source=source, progress=progress)
-        if not trusting.unexplained:  # effects explain it to the noise, mislabelled or not
+        if not trusting.unexplained:  # effects explain the log down to the noise, mislabelled or not
             return replace(trusting, asked=asked)
     brief = log.in_brief()
     searched = sought(brief)
-    if brief is not log and searched.state is searched.nominal:  # what is weak needs all of the log
+    if brief is not log and searched.state is searched.nominal:  # weak effects need the whole log
         searched, brief = sought(log), log
     found, brief = judged(brief, searched)
 
     def of_some_logs() -> tuple[Diagnosis, CheckedLog]:
-        """The diagnosis with effects of only some of the logs, if these explain them, or that without."""
+        """The diagnosis with effects of only some logs if these explain them; otherwise the one without."""
         own = with_own_effects(log, may_differ(searched))
         if own is None:
             return found, brief
@@ -114,5 +114,5 @@ def diagnose(
         extras = Extras()
         found, brief = extras.attempt("The search for effects of only some logs", of_some_logs, (found, brief))
         found = replace(found, failures=(*found.failures, *extras.failures))
-    # with the channels that were not compared, and the rows that windows count
+    # restore the channels that were not compared, and keep the notes on which rows were used
     return replace(found, record=described(plant, record).with_notes(brief.record.notes), seconds=seconds)

@@ -1,4 +1,4 @@
-"""What a diagnosis can do without: its failure is told beside the result, and never loses it."""
+"""Optional parts of a result: a failure is reported beside the result and never loses it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ T = TypeVar("T")
 class Failure:
     """A part of a result that could not be made.
 
-    what: the part, in words to begin a sentence.  why: the error, and where it was raised.
+    what: the part, in words that begin a sentence.  why: the error, and where it was raised.
     """
 
     what: str
@@ -34,10 +34,10 @@ class Extras:
         self.failures: list[Failure] = []
 
     def attempt(self, what: str, make: Callable[[], T], otherwise: T) -> T:
-        """What `make` returns, or `otherwise` if it raises, and then a failure joins the list."""
+        """The return value of `make`; if it raises, the failure is recorded and `otherwise` is returned."""
         try:
             return make()
-        except Exception as error:  # whatever it is: hours of search stand behind the result that must not be lost
+        except Exception as error:  # any error at all: the result may have taken hours of search and must not be lost
             failure = Failure(what, _why(error))
             if failure not in self.failures:
                 self.failures.append(failure)
@@ -45,7 +45,7 @@ class Extras:
 
 
 def _why(error: Exception) -> str:
-    """An error in one line; one that is not for users also says where it was raised."""
+    """An error in one line; an unexpected one also says where it was raised."""
     text = str(error).rstrip(".") or type(error).__name__
     if isinstance(error, ValueError | ImportError | OSError):
         return text

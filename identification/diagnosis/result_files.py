@@ -29,9 +29,9 @@ from identification.fit.changing import ChangingPlant, changed
 
 
 def write_diagnosis(diagnosis: Diagnosis, folder: str | os.PathLike, extras: Extras | None = None) -> dict[str, Path]:
-    """Write the three files into a folder, each aside first and then renamed; their paths by name.
+    """Write the three files into a folder; returns their paths by name.  Files are written aside, then renamed.
 
-    A picture or a page that cannot be drawn is no error but a failure, which the other files report; extras: takes it.
+    If a picture or page cannot be drawn, this is recorded in `extras` as a failure and reported in the other files.
     Raises ValueError if the folder cannot be written, ImportError without the extra `render`, which the report needs.
 
     Example:
@@ -68,7 +68,7 @@ def write_diagnosis(diagnosis: Diagnosis, folder: str | os.PathLike, extras: Ext
     if page:
         write_text(paths["report.html"], page)
     else:
-        paths.pop("report.html").unlink(missing_ok=True)  # one of an earlier diagnosis would be taken for this one's
+        paths.pop("report.html").unlink(missing_ok=True)  # a leftover page would be taken for this one's
     if len(extras.failures) > before:
         write_text(paths["diagnosis.json"], _json_text(diagnosis, extras))
     return paths
@@ -181,7 +181,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
 
 
 def _effect(e: Effect, searched: Collection[str]) -> dict[str, Any]:
-    """An effect as plain data; searched: paths that halves of the record could choose."""
+    """An effect as plain data; searched: paths of the effects that the search chose."""
     return {
         "path": e.path,
         "title": e.title,
@@ -203,7 +203,7 @@ def _effect(e: Effect, searched: Collection[str]) -> dict[str, Any]:
 
 
 def _in_last_log(d: Diagnosis, e: Effect) -> dict[str, Any]:
-    """Of an effect of some logs only, what it comes to in the last of them; None if it is none of these."""
+    """The value of an effect in the last log, for effects of some logs only; None if that log does not have it."""
     form, path = changed(e.path)
     plant = d.after.plant
     if not form or not isinstance(plant, ChangingPlant):
@@ -215,7 +215,7 @@ def _in_last_log(d: Diagnosis, e: Effect) -> dict[str, Any]:
 
 
 def again(file: str | os.PathLike, record: Record, progress: Progress = lambda fraction, text: None) -> Diagnosis:
-    """Repeat the diagnosis of a diagnosis.json file; raises ValueError if the record is another one."""
+    """Repeat the diagnosis of a diagnosis.json file; raises ValueError if the record is a different one."""
     try:
         told: dict[str, Any] = json.loads(Path(file).read_text(encoding="utf-8"))
         vehicle, asked, digest = told["vehicle"], told["asked"], told["record_sha256"]

@@ -1,4 +1,4 @@
-"""Sizes and intervals of what a diagnosis finds, in words for people."""
+"""Sizes and intervals of a diagnosis in words for readers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from auv_gym.channels import channel
 
 
 def quantity(value: float, unit: str, figures: int = 3) -> str:
-    """A number with its unit, for people: angles in degrees, volumes in millilitres."""
+    """A number with its unit for display: angles in degrees, volumes in millilitres."""
     if not np.isfinite(value):
         return "not detectable"
     scale, unit = for_people(unit)
@@ -21,17 +21,17 @@ def quantity(value: float, unit: str, figures: int = 3) -> str:
 
 
 def typeset(text: str) -> str:
-    """Powers as raised digits."""
+    """The text with powers as superscript digits."""
     for plain, raised in (("^2", "²"), ("^3", "³"), ("^4", "⁴")):
         text = text.replace(plain, raised)
     return text
 
 
 def for_people(unit: str) -> tuple[float, str]:
-    """By what numbers in a unit are multiplied for people, and the unit that they have then."""
+    """The factor that converts numbers to the unit for display, and that unit."""
     if unit in ("rad", "rad/s", "rad/s^2"):
         return float(np.rad2deg(1.0)), unit.replace("rad", "deg")
-    if unit == "m3" or unit.startswith("m^3"):  # of a channel, of a parameter
+    if unit == "m3" or unit.startswith("m^3"):  # unit of a channel, or of a parameter
         return 1e6, unit.replace("m^3", "mL", 1).replace("m3", "mL", 1)
     return 1.0, unit
 
@@ -42,38 +42,38 @@ def interval(limits: tuple[float, float], unit: str) -> str:
 
 
 def ends(limits: tuple[float, float], unit: str) -> tuple[str, str]:
-    """Both ends of a range, with enough figures to differ; the second one with the unit."""
+    """Both ends of a range, with enough digits to differ; the second one has the unit."""
     texts = [[quantity(v, unit, figures) for v in limits] for figures in range(3, 8)]
     low, high = next((pair for pair in texts if pair[0] != pair[1]), texts[0])
     return low.split(" ")[0], high
 
 
 def at_most(value: float, limits: tuple[float, float], neutral: float) -> str:
-    """What precedes a size that is the end of its interval farther from neutral: "up to ", or nothing."""
+    """The prefix "up to " for a size that is the end of its interval farther from neutral, or nothing."""
     near = min(limits, key=lambda end: abs(end - neutral))
     return "up to " if value in limits and abs(near - neutral) < abs(value - neutral) else ""
 
 
 def sized(title: str, size: str, limits: str, *more: str) -> str:
-    """A title with its size and interval in words; what the title has in brackets joins the interval's."""
+    """A title with its size and interval in words; a remark in brackets in the title moves beside the interval."""
     name, _, remark = title.removesuffix(")").partition(" (")
     told = [f"95 % interval {limits}", *more, *([remark] if remark else [])]
     return f"{name}{'' if name.endswith(' by') else ','} {size} ({', '.join(told)})"
 
 
 def accelerations(process: Mapping[str, tuple[float, float]]) -> str:
-    """What pushes a vehicle at random: by velocity or place, the deviation and the correlation time, s, in words."""
+    """Random accelerations or drifts in words: by velocity or position, the deviation and the correlation time, s."""
     rates = {"m/s": "m/s^2", "rad/s": "rad/s^2", "m": "m/s"}
     return _random(process, lambda unit: rates.get(unit, f"{unit}/s"))
 
 
 def lasting_errors(errors: Mapping[str, tuple[float, float]]) -> str:
-    """Errors of readings that last: by channel, the deviation and the correlation time, s, in words."""
+    """Correlated sensor errors in words: by channel, the deviation and the correlation time, s."""
     return _random(errors, lambda unit: unit)
 
 
 def _random(noises: Mapping[str, tuple[float, float]], unit_of: Callable[[str], str]) -> str:
-    """Noises that last, in words; unit_of: of a deviation, from the channel's."""
+    """Correlated noises in words; unit_of: the unit of a deviation, given the channel's unit."""
     told = []
     for name, (size, time) in noises.items():
         known = channel(name)
@@ -83,15 +83,15 @@ def _random(noises: Mapping[str, tuple[float, float]], unit_of: Callable[[str], 
 
 
 def short(title: str) -> str:
-    """A title without its remark in brackets."""
+    """A title without the remark in brackets."""
     return title.partition(" (")[0]
 
 
 def listed(items: Sequence[str], word: str = "and") -> str:
-    """Words in a row: `a, b and c`, or with another word in the place of the last comma."""
+    """Items as a list in words: `a, b and c`, or with another conjunction."""
     return f" {word} ".join([", ".join(items[:-1]), items[-1]]) if len(items) > 1 else "".join(items)
 
 
 def capital(text: str) -> str:
-    """A text as it begins a sentence; a name such as `thruster_2` stays as it is."""
+    """A text with a capital first letter, to begin a sentence; a name such as `thruster_2` stays as it is."""
     return text if "_" in text.partition(" ")[0] else f"{text[:1].upper()}{text[1:]}"
