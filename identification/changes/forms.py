@@ -1,4 +1,4 @@
-"""What comparisons of missions and searches in time share: what may change, in which form, and how sure a size is."""
+"""Shared parts of the comparison of missions and the search in time: what may change, in which form, and its size."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def sized(
     added: float = 0.0,
     bounds: tuple[float, float] = (-np.inf, np.inf),
 ) -> Sized:
-    """A sum of fitted parameters, each with its share, and its interval."""
+    """A sum of fitted parameters, each multiplied by its share, with its interval."""
     value = added + sum(share * value_at(state.plant, p) for p, share in shares.items())
     half = bench.half_width_of(state, shares)
     low, high = np.clip([value - half, value + half], *bounds)
@@ -42,7 +42,7 @@ def sized(
 
 
 def usable_log(record: Record, plant: Plant, asked: Asked, side: str = "") -> CheckedLog:
-    """The record as it can be used; raises ValueError, with its side's name, also where it looks mislabelled."""
+    """Check a record for use; raises ValueError, with the side's name, if it cannot be used or looks mislabelled."""
     named = f"The log {side}".rstrip()
     try:
         log = check_log(record, plant, asked)
@@ -55,7 +55,7 @@ def usable_log(record: Record, plant: Plant, asked: Asked, side: str = "") -> Ch
 
 
 def refuse_overlaps(missions: Mapping[str, Record]) -> None:
-    """Raise ValueError where two missions, or segments of one, were under way at once, as far as logs have dates."""
+    """Raise ValueError if two missions, or segments of one, overlap in time, as far as the logs have dates."""
     spans = []
     for name, record in missions.items():
         begin = float(record.attrs.get("start_epoch_s", np.nan))
@@ -73,7 +73,7 @@ def refuse_overlaps(missions: Mapping[str, Record]) -> None:
 
 @dataclass(frozen=True)
 class Changeable:
-    """What of a vehicle may change: effects, and the paths of coefficients that are refitted."""
+    """The parts of a vehicle that may change: effects, and the paths of refitted coefficients."""
 
     effects: tuple[Candidate, ...]
     coefficients: tuple[str, ...]
@@ -86,7 +86,7 @@ class Changeable:
 
     @property
     def paths(self) -> list[str]:
-        """Of the effects."""
+        """The paths of the effects."""
         return [p for c in self.effects for p in c.paths]
 
     def refitted(self, known: Known) -> list[Candidate]:
@@ -101,11 +101,11 @@ def kind_of(form: str) -> str:
 
 
 def in_form(candidate: Candidate, form: str) -> Candidate:
-    """The candidate as a change."""
+    """The candidate as a change in this form."""
     return candidate.in_form(form, f"{candidate.title}, {kind_of(form)}")
 
 
 def tied_names(rounds: Sequence[Round]) -> tuple[str, ...]:
-    """Paths of what else would explain what rounds have chosen, with the kind of form in front of those of changes."""
+    """Paths of the alternatives to what rounds have chosen; a change has the kind of its form in front."""
     found = (changed(p) for r in rounds for t in r.tied for p in t.candidate.paths)
     return tuple(dict.fromkeys(" ".join(filter(None, (kind_of(form), path))) for form, path in found))

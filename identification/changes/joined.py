@@ -1,4 +1,4 @@
-"""Logs of one vehicle before and after as one checked log, whose parts hold a share of both."""
+"""The logs of one vehicle before and after, joined into one checked log in which every part has a share of both."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from identification.diagnosis.log.parts import Part
 
 
 def joined_sides(sides: Mapping[str, Record], plant: Plant, asked: Asked) -> tuple[CheckedLog, int]:
-    """The log before and the log after, one after the other, and the row at which the second begins.
+    """The logs before and after, joined in this order, and the row at which the second begins.
 
-    Each is checked by itself; a part is the same share of both, so that any part can be foretold from the others on
-    both sides of a change.  Channels that only one has are left out.
-    Raises ValueError, with the side's name, where one cannot be used or looks mislabelled, and where logs overlap.
+    Each log is checked by itself.  Every part has the same share of both, so that each part can be predicted from the
+    others on both sides of a change.  Channels that only one log has are left out.
+    Raises ValueError, with the side's name, if a log cannot be used or looks mislabelled, or if the logs overlap.
     """
     refuse_overlaps(sides)
     checked = [usable_log(record, plant, asked, name) for name, record in sides.items()]
@@ -48,14 +48,14 @@ def joined_sides(sides: Mapping[str, Record], plant: Plant, asked: Asked) -> tup
 
 
 def _timed(record: Record, plant: Plant) -> Record:
-    """A side's record with the time since it began, which is not to go on from one side to the other."""
+    """A side's record with its own elapsed time, so that the time does not continue from the other side."""
     if "elapsed_s" not in plant.inputs or record.has("elapsed_s"):
         return record
     return record.with_channels({"elapsed_s": elapsed_over_gaps(record)})
 
 
 def _together(parts: Sequence[Sequence[Part]], begins: Sequence[int]) -> tuple[Part, ...]:
-    """The first parts of all sides as one, then the second ones, as rows of the joined record."""
+    """The first parts of all sides as one part, then the second ones, as rows of the joined record."""
     found: list[list[slice]] = [[] for _ in range(max(len(own) for own in parts))]
     for own, begin in zip(parts, begins, strict=False):
         for k, part in enumerate(own):

@@ -1,4 +1,4 @@
-"""What has changed between the missions of a vehicle before and after: one fit, and each change by its evidence."""
+"""Changes of a vehicle between the missions before and after: one fit of all missions, each change by its evidence."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ BEFORE, AFTER = "before", "after"
 
 @dataclass(frozen=True)
 class Changed:
-    """A parameter that is not the same before and after.
+    """A parameter that differs between before and after.
 
-    evidence: twice the gain in log-likelihood against one value for both sides.  tied: paths of what else
-    would explain it as well, with the form in front where that is a change.  surely: whether all of these are changes.
+    evidence: twice the gain in log-likelihood over one value for both sides.  tied: paths of what else would explain it
+    as well, preceded by the form if that is a change.  surely: whether all of these are changes.
     """
 
     path: str
@@ -46,7 +46,7 @@ class Changed:
 
 @dataclass(frozen=True)
 class Common:
-    """An effect that is there before and after alike; tied: see `Changed`."""
+    """An effect that is the same before and after; tied: see `Changed`."""
 
     path: str
     title: str
@@ -60,8 +60,8 @@ class Common:
 class Unchanged:
     """A parameter that shows no change.
 
-    change: its estimate.  detectable: the change that would have been found with 95 % probability; infinite where the
-    missions cannot show one, with the reason.  value: of the vehicle.
+    change: its estimate.  detectable: the change that would have been found with 95 % probability; infinite, with the
+    reason, if the missions cannot show one.  value: the vehicle's value.
     """
 
     path: str
@@ -75,7 +75,7 @@ class Unchanged:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """What `compare_missions` found; missions: names of those before and after; fitted: values before, by path."""
+    """The result of `compare_missions`; missions: names before and after; fitted: values before, by path."""
 
     plant: Plant
     missions: tuple[tuple[str, ...], tuple[str, ...]]
@@ -98,11 +98,12 @@ def compare_missions(
     trust: bool = False,
     progress: Progress = lambda fraction, text: None,
 ) -> Comparison:
-    """What of a vehicle has changed between two records, each of one mission or of several in segments.
+    """Compare two records of a vehicle, each of one mission or of several in segments, and find what has changed.
 
-    All is fitted at once with common coefficients, noises and, as evidence says, effects that are common or of one side
-    only; a coefficient may change, too.  A change passes the gate that every name of a diagnosis passes.
-    names: of the missions, for the report.  most: effects and changes at once.  doubt, trust: see
+    Everything is fitted at once, with common coefficients and noises.  Depending on the evidence, an effect is common
+    or belongs to one side, and a coefficient may change, too.  A change must pass the same gate as an effect in a
+    diagnosis.
+    names: of the missions, for the report.  most: the largest number of effects and changes.  doubt, trust: see
     `identification.diagnosis.diagnose`.
     """
     progress(0.0, "checking the missions")
@@ -148,10 +149,9 @@ def compare_missions(
 def _attributed(
     known: Known, candidates: Sequence[Candidate], most: int, progress: Progress, sought: Collection[str] = ()
 ) -> tuple[Known, State, list[Round]]:
-    """Forward selection beside the noises, and in the steps and rows, that suit what it finds; what is known in these,
-    state, rounds.
+    """Select effects and changes forward, repeated with the noises, steps and rows that suit the result.
 
-    sought: paths that are fitted to the end whatever they promise.
+    sought: paths that are always fitted to the end.  Returns the known part in these steps, the state and the rounds.
     """
 
     def told(fraction: float, text: str) -> None:
@@ -175,12 +175,12 @@ def _attributed(
 def coefficients_first(
     bench: Workbench, nominal: State, state: State, rounds: Sequence[Round], count: int
 ) -> tuple[State, list[Round]]:
-    """The state and the rounds in which a coefficient that has changed leads where it is tied with a changed effect.
+    """The state and rounds, with a changed coefficient in the place of each changed effect that it is tied with.
 
-    The model has its coefficients anyway, each with a value that no mission knows exactly: an effect beside them is one
-    thing more, and must explain the missions better by more than a tie.  Where it acts as a coefficient does, as a
-    clock's rate in steady flight acts as drag, that value takes up any size that it has on both sides, and evidence
-    does not tell what has changed.
+    The model has its coefficients anyway, each with a value that no mission determines exactly.  An effect beside them
+    is an addition, and must explain the missions better by more than a tie.  If it acts like a coefficient (in steady
+    flight, a clock's rate acts like drag), the coefficient takes up any part of it that both sides share, and the
+    evidence does not say which of the two has changed.
     nominal, count: see `settled`.
     """
     rounds = list(rounds)
@@ -207,7 +207,7 @@ def _changes_an_effect(trial: Trial, plant: Plant) -> bool:
 
 
 def _may_lead(bench: Workbench, trial: Trial, chosen: Trial) -> bool:
-    """Whether a trial is of a coefficient that has changed, and is tied with the chosen one."""
+    """Whether a trial is of a changed coefficient that is tied with the chosen trial."""
     form, path = changed(trial.candidate.paths[0])
     if not form or path not in bench.plant.doubted or trial.objection or trial.state is None:
         return False
@@ -216,10 +216,11 @@ def _may_lead(bench: Workbench, trial: Trial, chosen: Trial) -> bool:
 
 
 def _behind(bench: Workbench, own: State, other: State, path: str) -> float:
-    """The evidence by which a state with a changed coefficient is behind another one.
+    """The evidence by which a state with a changed coefficient falls behind another state.
 
-    path: of the change.  What is known of the coefficient is held against the side on which it is nearer to that, and
-    not against its change: a fit holds it against the side before, though a hull may have been cleaned since.
+    path: of the change.  The prior of the coefficient is applied to the side on which its value is nearer to it, not to
+    the change: the fit applies it to the side before, although the change may have restored the stated value (a hull
+    may have been cleaned).
     """
     _, coefficient = changed(path)
     value = value_at(own.plant, coefficient) + value_at(own.plant, path)
@@ -229,7 +230,7 @@ def _behind(bench: Workbench, own: State, other: State, path: str) -> float:
 
 
 def _in_its_place(bench: Workbench, state: State, chosen: Trial, other: Trial) -> State:
-    """A state with another trial in the place of a chosen one, fitted."""
+    """The state with another trial in the place of the chosen one, fitted."""
     assert other.state is not None
     paths = [p for p in state.paths if p not in chosen.candidate.free]
     values = {p: spec_at(state.plant, p).neutral for p in chosen.candidate.paths}
@@ -243,16 +244,17 @@ def _own_paths(made: Round, state: State) -> list[str]:
 
 
 def one_or_two(bench: Workbench, state: State, path: str, rounds: Sequence[Round], count: int) -> Changed | Common:
-    """What a parameter is on each side, both free; common, where evidence does not ask for two values.
+    """A parameter on both sides, with both values free; common if the evidence does not require two values.
 
-    Nor does it where the interval of the change has room for none: that allows for a misjudged colour of the errors.
-    count: of all candidates, for the bar.
+    It is also common if the interval of the change includes zero; that interval allows for a misjudged colour of the
+    errors.
+    count: number of all candidates, which sets the bar.
     """
     spec, plant = spec_at(state.plant, path), state.plant
     early, late, added = change(BEFORE, path), change(AFTER, path), 0.0
     mine = [r for r in rounds if {path, early, late} & set(_own_paths(r, state))]
     kept = [p for p in state.paths if p not in (path, early, late)]
-    if path in plant.doubted:  # its value is fitted, with what is known of it: the change is beside it
+    if path in plant.doubted:  # its value is fitted with a prior; the change is added to it
         free, first, second = [*kept, path, late], {path: 1.0}, {path: 1.0, late: 1.0}
         alike = replace_at(plant, late, 0.0)
     else:
@@ -289,17 +291,17 @@ def _common(bench: Workbench, state: State, made: Round, path: str) -> Common:
 
 
 def detectable_beside(change: Sized, count: int) -> float:
-    """The change that would have been found with 95 % probability, by the interval of one; count: of all candidates."""
+    """The change that is found with 95 % probability, from a change's interval; count: number of all candidates."""
     return 0.5 * (change.ci95[1] - change.ci95[0]) * _over_half(count)
 
 
 def _over_half(count: int) -> float:
-    """How many halves of its 95 % interval a change needs, to be found with 95 % probability."""
+    """The size, in half-widths of its 95 % interval, at which a change is found with 95 % probability."""
     return deviations_shown(threshold(count)) / SURPRISE
 
 
 def _unchanged(bench: Workbench, state: State, rest: Sequence[Candidate], count: int) -> list[Unchanged]:
-    """What shows no change, by the regression of the final model's errors on a change of each."""
+    """Parameters that show no change, by regressing the final model's errors on a change of each."""
     late = [replace(in_form(c, AFTER), title=c.title) for c in rest]
     bar, found = threshold(count), []
     for screening in screen(bench.problem, state.point, state.paths, late, bar):

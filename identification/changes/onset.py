@@ -1,4 +1,4 @@
-"""When it began: effects and coefficients that act from a time on, until one, between two, or more and more."""
+"""The search in time: effects and changes of coefficients that begin, end, act between two times, or grow."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ FROM, UNTIL, GROWING = "from", "until", "growing"
 class Timed:
     """An effect, or a change of a coefficient, and when it acts.
 
-    form: "" throughout, else "from" or "until" a time, "between" two times or "outside" of them, or "growing" from the
-    log's beginning to its end, where `size` is that at the end.  time, second: s, as the log counts, with their 95 %
-    intervals by the profile of the likelihood; None where the form has none.  evidence: twice the gain in
-    log-likelihood.  tied: what else would explain it as well.  steady: whether both halves of the time in which it acts
-    agree on its size; where they contradict each other, no form is named.
+    form: "" throughout, "from" or "until" a time, "between" two times or "outside" of them, or "growing" from the log's
+    beginning to its end (`size` is then that at the end).  time, second: s, in the log's time, with 95 % intervals from
+    the likelihood profile; None if the form has none.  evidence: twice the gain in log-likelihood.  tied: what else
+    would explain it as well.  steady: whether both halves of the time in which it acts agree on its size; if they
+    contradict each other, no form is named.
     """
 
     path: str
@@ -66,10 +66,10 @@ class Timed:
 
 @dataclass(frozen=True, eq=False)
 class Timeline:
-    """What `find_onsets` found.
+    """The result of `find_onsets`.
 
-    candidates: how many forms and times were tried.  span: s, the times between which the log was searched, as it
-    counts.  notes: on the log.
+    candidates: number of forms and times that were tried.  span: the first and last time searched, s, in the log's
+    time.  notes: on the log.
     """
 
     found: tuple[Timed, ...]
@@ -88,13 +88,13 @@ def find_onsets(
     trust: bool = False,
     progress: Progress = lambda fraction, text: None,
 ) -> Timeline:
-    """Effects that a plant is missing in a record, each in the form in time that explains it best.
+    """Effects that a plant is missing in a record, each in the form in time that explains the record best.
 
-    A search as that of a diagnosis, in which each effect is a candidate throughout, from and until each of 23 times,
-    between and outside of every two of them, and growing, and each coefficient one from these times on, and growing;
-    the bar counts them all.  The times are then sought between the 23, and their intervals by profile.  Parts are
-    interleaved, so that each has a share of every time.
-    Raises ValueError of a record that cannot be used or looks mislabelled.
+    The search is like that of a diagnosis.  Each effect is a candidate throughout, from and until each of 23 times,
+    between and outside of every two of them, and growing; each coefficient is a candidate from each time on, and
+    growing.  The bar accounts for all of these candidates.  The times are then refined between the 23, and their
+    intervals come from the likelihood profile.  Parts are interleaved, so that each has a share of every time.
+    Raises ValueError if the record cannot be used or looks mislabelled.
     """
     log = usable_log(record, plant, Asked(most=most, doubt=doubt, trust=trust))
     may = Changeable.of(plant, log.record, doubt)
@@ -117,8 +117,8 @@ def find_onsets(
 class _Forms:
     """An effect, or a coefficient, in the forms in which it may act.
 
-    throughout: not of a coefficient.  groups: from the times on, until them, growing.  spans: between and outside of
-    two times, which are set once they are known to promise something.
+    throughout: None for a coefficient.  groups: from each of the times on, until each of them, growing.  spans: between
+    and outside of two times, which are set once a pair of times looks promising.
     """
 
     throughout: Candidate | None
@@ -127,7 +127,7 @@ class _Forms:
 
     @classmethod
     def of(cls, own: Candidate, courses: Mapping[str, Course], number: int | None = None) -> _Forms:
-        """All forms of an effect with a number, or of a coefficient, which has none."""
+        """All forms of an effect with a number, or of a coefficient (number None)."""
         kinds = (FROM, GROWING) if number is None else (FROM, UNTIL, GROWING)
         groups = tuple(tuple(in_form(own, name) for name in courses if kind_of(name) == kind) for kind in kinds)
         if number is None:
@@ -136,17 +136,17 @@ class _Forms:
 
     @property
     def paths(self) -> set[str]:
-        """What may change."""
+        """The paths of what may change."""
         return {changed(p)[1] for c in self.screened for p in c.paths}
 
     @property
     def count(self) -> int:
-        """How many forms there are, without those of two times."""
+        """The number of forms, without those of two times."""
         return (self.throughout is not None) + sum(map(len, self.groups))
 
     @property
     def screened(self) -> list[Candidate]:
-        """Those that are screened one by one."""
+        """The forms that are screened one by one."""
         return [*([self.throughout] if self.throughout else []), *(c for group in self.groups for c in group)]
 
     def without(self, chosen: Candidate) -> _Forms:
@@ -157,7 +157,7 @@ class _Forms:
 
 
 def _paths_of(form: str, may: Changeable) -> list[str]:
-    """What may change in a form: in one of two times the one effect whose number it has."""
+    """The paths that may change in a form; for a form of two times, those of the one effect whose number it has."""
     kind = kind_of(form)
     if kind in (BETWEEN, OUTSIDE):
         return list(may.effects[int(form.removeprefix(kind))].paths)
@@ -165,7 +165,7 @@ def _paths_of(form: str, may: Changeable) -> list[str]:
 
 
 def _interleaved(log: CheckedLog) -> tuple[tuple[Part, ...], list[int]]:
-    """Parts of every sixth of 24 equal times of a log, and the rows at which these times begin, after the first."""
+    """Parts of every sixth of 24 equal spans of a log, and the rows at which these spans begin, except the first."""
     stretches = sorted((piece for part in log.parts for piece in part), key=lambda w: w.start)
     rows = np.concatenate([np.arange(w.start, w.stop) for w in stretches])
     block = block_numbers(log.record, stretches, BLOCKS)
@@ -180,7 +180,7 @@ def _interleaved(log: CheckedLog) -> tuple[tuple[Part, ...], list[int]]:
 def _courses(edges: Sequence[int], effects: int) -> dict[str, Course]:
     """The forms in which something may change, by name; `from7`: from the seventh of the rows on.
 
-    Those of two times have the number of an effect, and these times are not set yet.
+    Forms of two times have an effect's number; their times are not set yet.
     """
     count = len(edges) + 1
     found = {f"{FROM}{k}": Course((edge,), (0.0, 1.0)) for k, edge in enumerate(edges, 1)}
@@ -194,9 +194,9 @@ def _courses(edges: Sequence[int], effects: int) -> dict[str, Course]:
 def _beside_noises(
     known: Known, forms: Sequence[_Forms], count: int, most: int, progress: Progress
 ) -> tuple[Known, State, list[Round], dict[str, list[Sized]]]:
-    """The search, repeated beside waves and sensor errors that last where what it finds leaves some.
+    """The search, repeated with waves and correlated sensor errors if its result leaves some.
 
-    Returned are what is known, on the bench with the times that were found, and the rest as `_searched` does.
+    Returns the known part, on the bench with the times that were found, and the rest as `_searched` does.
     """
     bench, state, rounds, times = _searched(known, forms, count, most, progress)
     given, nominal = (placed(bench, one, {})[1] for one in (known.given, known.nominal))
@@ -209,13 +209,13 @@ def _beside_noises(
 def _searched(
     known: Known, forms: Sequence[_Forms], count: int, most: int, progress: Progress
 ) -> tuple[Workbench, State, list[Round], dict[str, list[Sized]]]:
-    """Forward selection among effects throughout and, of each form of each, the member that promises most just then.
+    """Forward selection among effects throughout and, for each form of each, the currently most promising member.
 
-    The times of what is chosen, or nearly, are sought at once between those that were screened: what is a little late
-    or early leaves enough to see for more of the same.  All others in its form are then tried at these times, too,
-    since what was chosen may have been the one whose coarse time happened to be the best, and effects throughout, which
-    are kept unless the times are worth what a name needs.  Returned are the bench with these times, state, rounds, and
-    times by form.
+    The times of an effect that is chosen, or nearly, are refined at once: a slightly wrong time would leave an error
+    that looks like more of the same effect.  All others in this form are then tried at the refined times, since the
+    chosen one may merely have had the best coarse time.  Effects throughout are tried, too, and win unless the times
+    have the evidence that a name needs.  Returns the bench with these times, the state, the rounds, and the times by
+    form.
     """
     bench, state, rounds, times = known.bench, known.nominal, [], dict[str, list[Sized]]()
     for number in range(most):
@@ -248,9 +248,9 @@ def _searched(
 
 
 def _contenders(bench: Workbench, state: State, forms: Sequence[_Forms]) -> Sequence[_Forms]:
-    """The forms of what sixths of the log seem to differ in most, with the noises as they are or with weaker ones.
+    """The forms of the parameters in which sixths of the log seem to differ most, with given or weaker noises.
 
-    All of them for a vehicle of few states: elsewhere each time of each is a run of the vehicle that takes a while.
+    All forms for a vehicle of few states; for others, each time of each form needs a costly run of the vehicle.
     """
     if bench.followed <= FEW_STATES:
         return forms
@@ -262,7 +262,7 @@ def _contenders(bench: Workbench, state: State, forms: Sequence[_Forms]) -> Sequ
 
 @dataclass(frozen=True, eq=False)
 class _Reached:
-    """A state whose newest form has the times that suit it best, these times, and the bench of them."""
+    """A state whose newest form has the most likely times, with these times and their bench."""
 
     bench: Workbench
     state: State
@@ -276,7 +276,7 @@ class _Reached:
 
 
 def _nearly(made: Round, bar: float) -> Trial | None:
-    """What acts from a time on, until one, or between two, and has half of what a name needs, at a coarse time."""
+    """The best trial with a time or two times that has half of the evidence a name needs, at its coarse times."""
     times = (FROM, UNTIL, BETWEEN, OUTSIDE)
     near = [t for t in made.trials if t.state is not None and t.train >= PROMISED * bar]
     timed = [t for t in near if kind_of(changed(t.candidate.paths[0])[0]) in times]
@@ -284,10 +284,10 @@ def _nearly(made: Round, bar: float) -> Trial | None:
 
 
 def _at_best_times(bench: Workbench, trial: Trial) -> _Reached:
-    """What a trial has fitted, its times sought."""
+    """A trial's state with its times refined."""
     assert trial.state is not None
     form, state, found = changed(trial.candidate.paths[0])[0], trial.state, dict[int, Sized]()
-    # of two, the first anew once the second is where it belongs
+    # for two times, refine the first one again once the second one is right
     for edge in {FROM: (0,), UNTIL: (0,), BETWEEN: (0, 1, 0), OUTSIDE: (0, 1, 0)}.get(kind_of(form), ()):
         bench, state, found[edge] = moved_to_best(bench, state, form, edge)
     return _Reached(bench, state, [found[edge] for edge in sorted(found)])
@@ -296,7 +296,7 @@ def _at_best_times(bench: Workbench, trial: Trial) -> _Reached:
 def _at_the_same_times(
     forms: Sequence[_Forms], chosen: Candidate, reached: _Reached
 ) -> tuple[list[Candidate], dict[str, tuple[int, ...]]]:
-    """All in the form of what was chosen, and the rows of its times: each was tried at its own, coarse ones."""
+    """All candidates in the chosen form, and the rows of the refined times: each had been tried at coarse ones."""
     form = changed(chosen.paths[0])[0]
     if kind_of(form) in (BETWEEN, OUTSIDE):
         spans = [span for f in forms for span in f.spans if kind_of(changed(span.paths[0])[0]) == kind_of(form)]
@@ -307,9 +307,9 @@ def _at_the_same_times(
 
 
 def _each_at_its_times(bench: Workbench, made: Round, reached: _Reached) -> tuple[Round, _Reached]:
-    """What was chosen, tied with what explains the log as well at times of its own, or what explains it better then.
+    """The chosen trial, tied with or replaced by trials that explain the log as well or better at their own times.
 
-    A time that suits one effect best is a little off for another one that does the same.  bench: of the trials.
+    The best time for one effect is slightly wrong for another one that does the same.  bench: of the trials.
     """
     for trial in made.trials:
         chosen = made.chosen
@@ -329,10 +329,10 @@ def _each_at_its_times(bench: Workbench, made: Round, reached: _Reached) -> tupl
 def _unless_throughout(
     before: State, forms: Sequence[_Forms], made: Round, reached: _Reached, count: int
 ) -> tuple[Round, _Reached]:
-    """What was chosen, or what explains the log best throughout, unless the times of the former are worth their bar.
+    """The chosen trial, or the best effect throughout the log unless the chosen one's times pass the bar against it.
 
-    A time near either end fits nearly as well as none, and one of many fits better by chance: the bar is for as many as
-    the form has.
+    A time near either end fits nearly as well as none, and the best of many times fits better by chance: the bar
+    accounts for the number of times in the form.
     """
     assert made.chosen is not None
     own = made.chosen.candidate
@@ -352,10 +352,10 @@ def _unless_throughout(
 def _promising(
     bench: Workbench, state: State, forms: Sequence[_Forms], bar: float
 ) -> tuple[list[Candidate], dict[str, tuple[int, int]]]:
-    """What is worth a trial, by regression, with the noises as they are or weaker ones, and the rows of two times.
+    """Candidates worth a trial, by regression, with the noises as they are or weaker, and the rows of two times.
 
-    Effects throughout; of each group the member of most evidence; and what acts between or outside of two times, where
-    that promises more than one time by as much as a name needs.
+    Included are effects throughout, the member with the most evidence of each group, and effects between or outside of
+    two times if these promise more than one time by the evidence that a name needs.
     """
     plant = bench.problem.plant
     assert isinstance(plant, ChangingPlant)
@@ -393,7 +393,7 @@ def _promising(
 def _timed(
     bench: Workbench, state: State, rounds: Sequence[Round], times: Mapping[str, Sequence[Sized]]
 ) -> list[Timed]:
-    """What was chosen, with sizes and times; without a form where the halves of its time contradict each other."""
+    """The chosen effects with sizes and times; without a form if the halves of its time contradict each other."""
     chosen = [(r, p) for r in rounds if r.chosen for p in r.chosen.candidate.paths if p in state.paths]
     found = []
     for made, name in chosen:
@@ -411,11 +411,11 @@ def _timed(
 
 
 def _throughout(path: str, tied: Sequence[str]) -> tuple[str, ...]:
-    """What else would explain an effect throughout the log, without the same from or until a time."""
+    """The alternatives to an effect throughout the log, without the forms in time of the same effects."""
     whole = {path, *(name for name in tied if " " not in name)}
     return tuple(name for name in tied if name in whole or name.rpartition(" ")[2] not in whole)
 
 
 def threshold_of_halves(count: int) -> float:
-    """The evidence from which the halves of the time of one of `count` effects contradict each other."""
+    """The evidence above which the halves of the time of one of `count` effects contradict each other."""
     return float(chi2.isf(UNSTEADY / count, 1))

@@ -1,4 +1,4 @@
-"""The reports of a comparison of missions, of a series of them, and of when effects began; the files they are in."""
+"""Reports and files of a comparison of missions, of a series of missions, and of the search in time."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ from identification.pages.page import Table, amount, drawn, page, span
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_NAMED = 8  # missions whose names have room below a picture
-_ROW = 0.42  # inches of a picture for a parameter
-_FAR = 20.0  # smallest detectable changes, beyond which a picture's axis is logarithmic
+_NAMED = 8  # missions; with more of them, their names do not fit below a picture
+_ROW = 0.42  # inches of picture height per parameter
+_FAR = 20.0  # smallest detectable changes; a picture whose changes exceed this has a logarithmic axis
 
 
 def write_comparison(found: Comparison, folder: str | os.PathLike) -> dict[str, Path]:
-    """Write changes.json and report.html; their paths by name.
+    """Write changes.json and report.html; returns their paths by name.
 
     Raises ValueError if the folder cannot be written, ImportError without the extra `render`.
     """
@@ -57,7 +57,7 @@ def write_comparison(found: Comparison, folder: str | os.PathLike) -> dict[str, 
 
 
 def _written(texts: Mapping[str, str], folder: str | os.PathLike) -> dict[str, Path]:
-    """Files of these texts in a folder, by name."""
+    """Write these texts to files in a folder; returns their paths by name."""
     out = writable_folder(folder)
     for name, text in texts.items():
         write_text(out / name, text)
@@ -65,20 +65,20 @@ def _written(texts: Mapping[str, str], folder: str | os.PathLike) -> dict[str, P
 
 
 def write_series(found: Series, folder: str | os.PathLike) -> dict[str, Path]:
-    """Write series.json and series.html; as `write_comparison`."""
+    """Write series.json and series.html, as `write_comparison` does."""
     texts = {"series.json": json.dumps(series_json(found), indent=2) + "\n", "series.html": series_page(found)}
     return _written(texts, folder)
 
 
 def write_timeline(found: Timeline, folder: str | os.PathLike) -> dict[str, Path]:
-    """Write onset.json and onset.html; as `write_comparison`."""
+    """Write onset.json and onset.html, as `write_comparison` does."""
     return _written(
         {"onset.json": json.dumps(timeline_json(found), indent=2) + "\n", "onset.html": timeline_page(found)}, folder
     )
 
 
 def timeline_page(found: Timeline) -> str:
-    """When each effect acts, as the text of one HTML page, with one picture."""
+    """The report on when each effect acts: the text of one HTML page with one picture."""
     rows = [
         (
             t.title if t.path.startswith("effects.") else f"change of {t.title}",
@@ -123,7 +123,7 @@ def timeline_page(found: Timeline) -> str:
 
 
 def timeline_figure(found: Timeline) -> Figure:
-    """The size of each effect over the time of the log, a panel for each."""
+    """The size of each effect over the time of the log, one panel each."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, 1.7 * len(found.found) + 0.4), layout="constrained")
@@ -145,7 +145,7 @@ def timeline_figure(found: Timeline) -> Figure:
 
 
 def _course(t: Timed, over: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Times, s, and the share of an effect's size that acts then, for a line with steps."""
+    """Times, s, and the share of an effect's size that acts then, for drawing a line with steps."""
     begin, end = over
     if t.form == GROWING:
         return np.array(over), np.array([0.0, 1.0])
@@ -157,7 +157,7 @@ def _course(t: Timed, over: tuple[float, float]) -> tuple[np.ndarray, np.ndarray
 
 
 def series_page(found: Series) -> str:
-    """The trends over missions as the text of one HTML page, with one picture."""
+    """The trends over missions: the text of one HTML page with one picture."""
     rows = [
         (
             t.title,
@@ -200,7 +200,7 @@ def series_page(found: Series) -> str:
 
 
 def series_figure(found: Series) -> Figure:
-    """The sizes of the missions over time, a panel for each parameter."""
+    """The sizes of each parameter over the missions, one panel each."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, 1.9 * len(found.trends) + 0.4), layout="constrained")
@@ -219,7 +219,7 @@ def series_figure(found: Series) -> Figure:
 
 
 def comparison_page(found: Comparison) -> str:
-    """The report as the text of one HTML page, which needs no other file and no network."""
+    """The report as the text of one self-contained HTML page."""
     before, after = found.missions
     sections = [
         Section("What changed", tables=[_changes(found)] if found.changed else (), texts=_texts(found)),
@@ -295,17 +295,17 @@ def _steady(found: Comparison) -> Table:
 
 
 def _size(value: float, u: Unchanged) -> str:
-    """A change as pages print numbers."""
+    """A change with a true minus sign, as pages print numbers."""
     return _typed(size_of(value, u))
 
 
 def _typed(text: str) -> str:
-    """A number and its unit with a true minus sign."""
+    """The text with true minus signs."""
     return text.replace("-", "−")
 
 
 def change_figure(found: Comparison) -> Figure:
-    """Changes with their intervals, each relative to the smallest one of it that the missions would show."""
+    """Changes with their intervals, each relative to its smallest detectable change."""
     from matplotlib.figure import Figure
 
     steady = [u for u in found.unchanged if np.isfinite(u.detectable)]
@@ -325,7 +325,7 @@ def change_figure(found: Comparison) -> Figure:
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()
     label = "change, relative to the smallest detectable change"
-    if np.abs(axes.dataLim.intervalx).max() > _FAR:  # a large change would leave no width to the others
+    if np.abs(axes.dataLim.intervalx).max() > _FAR:  # on a linear axis, one large change would squeeze all others
         axes.set_xscale("symlog", linthresh=1.0)
         label += "; logarithmic beyond 1"
     axes.set_xlabel(label)
@@ -333,6 +333,6 @@ def change_figure(found: Comparison) -> Figure:
 
 
 def _bar(value: float, limits: tuple[float, float], scale: float, row: int) -> tuple[list[float], list[int], None, Any]:
-    """What a bar of an interval is drawn from: place, row, and lengths to either side."""
+    """The arguments that draw an interval as an error bar: position, row, and the lengths to either side."""
     low, high = limits
     return [value / scale], [row], None, [[(value - low) / scale], [(high - value) / scale]]

@@ -1,4 +1,4 @@
-"""Trends over a series of missions: what each mission says by itself of a few parameters, and how that goes on."""
+"""Trends over a series of missions: a few parameters, estimated from each mission alone, and the line through them."""
 
 from __future__ import annotations
 
@@ -29,18 +29,19 @@ from identification.diagnosis.search.trials import Progress
 from identification.diagnosis.search.workbench import Workbench
 
 MISSIONS, FOLLOWED = "missions", "followed.json"
-LEAST = 4  # missions of a trend, which leave two degrees of freedom
-_KEEPS = ["paths", "values", "tied"]  # of the comparison, in its file
+LEAST = 4  # missions of a trend; this leaves two degrees of freedom
+_KEEPS = ["paths", "values", "tied"]  # the parts of the comparison that its file keeps
 _DAY = 86400.0  # s
 
 
 @dataclass(frozen=True)
 class Trend:
-    """How a parameter goes on over missions.
+    """The trend of a parameter over missions.
 
-    rate: per `per`, with its 95 % interval, which allows for what missions differ by beyond their own intervals;
-    scatter: standard deviation of that.  level: of the line at the mean of `at`, (M,), when the missions were, in
-    `per`; sizes: of each, from it alone.  tied: paths of what else would explain what was named, see `Comparison`.
+    rate: change per `per`, with a 95 % interval that allows for differences between missions beyond their own
+    intervals; scatter: standard deviation of these.  level: of the line at the mean of `at`.  at: when the missions
+    took place, (M,), in units of `per`.  sizes: the estimates from each mission alone.  tied: paths of what else would
+    explain the change, see `Comparison`.
     """
 
     path: str
@@ -56,13 +57,13 @@ class Trend:
 
     @property
     def sure(self) -> bool:
-        """Whether the interval of the rate leaves out zero."""
+        """Whether the interval of the rate excludes zero."""
         return self.rate.ci95[0] > 0.0 or self.rate.ci95[1] < 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """What `follow_series` found; failed: why a mission has no sizes, by name."""
+    """The result of `follow_series`; failed: why a mission has no sizes, by its name."""
 
     plant: Plant
     missions: tuple[str, ...]
@@ -82,12 +83,13 @@ def follow_series(
     scheduler: str | None = None,
     progress: Progress = lambda fraction, text: None,
 ) -> Series:
-    """The trends of a vehicle's first coefficients, and of the effects that its missions name, one after the other.
+    """The trends, over missions in order of time, of a vehicle's first coefficients and of the effects that are found.
 
-    The earlier half is compared with the later one (`compare_missions`); what that names as changed or common is
-    followed beside the coefficients of a first fit.  Each mission then gives its own sizes of these, all else as in the
-    comparison; a file in `folder` keeps them, so that what was stopped goes on, and ends in the same.  jobs: processes.
-    scheduler: address of a Dask scheduler, whose workers take the missions in place of processes here.
+    The earlier half is compared with the later half (`compare_missions`).  The effects and changes found there are
+    followed together with the coefficients of a first fit.  Each mission then gives its own sizes of these, with all
+    else fixed at the comparison's values.  Files in `folder` keep the results, so that an interrupted run continues and
+    ends with the same result.  jobs: processes.
+    scheduler: address of a Dask scheduler, whose workers process the missions instead of local processes.
     """
     if len(missions) < LEAST:
         raise ValueError(f"A trend needs at least {LEAST} missions, one after the other, got {len(missions)}.")
@@ -109,7 +111,7 @@ def _followed(
     progress: Progress,
 ) -> Series:
     out = writable_folder(folder / MISSIONS)
-    for part in (*folder.glob(f".{FOLLOWED}.*.part"), *out.glob(".*.part")):  # what a killed process was writing
+    for part in (*folder.glob(f".{FOLLOWED}.*.part"), *out.glob(".*.part")):  # left over from a killed process
         part.unlink(missing_ok=True)
     key = _key(plant, [digest_of(r) for r in missions.values()], most, doubt, trust, _KEEPS)
     followed: dict[str, Any] | None = _kept(folder / FOLLOWED, key)
@@ -135,7 +137,7 @@ def _followed(
         if isinstance(sizes, dict):
             told[name] = sizes
             write_json(out / f"{files[name]}.json", {"key": files[name], **sizes})
-        else:  # no file, so that it is tried again
+        else:  # write no file, so that the mission is tried again
             told[name] = {"failed": "its process died" if sizes is None else f"{type(sizes).__name__}: {sizes}"}
         progress(0.85 + 0.1 * done / len(left), f"{done} of {len(left)} missions")
     each = {name: own for name, own in told.items() if own is not None}
@@ -148,18 +150,18 @@ def _followed(
 
 
 def followed_paths(found: Comparison) -> list[str]:
-    """The first coefficients of a vehicle that are not zero, and what a comparison names."""
+    """The nonzero coefficients of a vehicle's first fit, and what a comparison found."""
     first = [p for p in found.plant.coefficients if value_at(found.plant, p) != 0.0]
     return list(dict.fromkeys([*first, *(c.path for c in (*found.changed, *found.common))]))
 
 
 def _paths_tied(path: str, tied: Sequence[str]) -> list[str]:
-    """The paths of a comparison's alternatives to one, whichever side they act on: a trend has no sides."""
+    """The paths of a comparison's alternatives, without the side on which they act: a trend has no sides."""
     return [other for other in dict.fromkeys(name.rpartition(" ")[2] for name in tied) if other != path]
 
 
 def _sizes_or_why(record: Record, plant: Plant, paths: Sequence[str], trust: bool) -> dict[str, Any]:
-    """What the file of a mission keeps: its sizes, or why it has none."""
+    """The contents of a mission's file: its sizes, or why it has none."""
     try:
         return {"sizes": sizes_of(record, plant, paths, trust)}
     except ValueError as error:
@@ -167,7 +169,7 @@ def _sizes_or_why(record: Record, plant: Plant, paths: Sequence[str], trust: boo
 
 
 def sizes_of(record: Record, plant: Plant, paths: Sequence[str], trust: bool) -> dict[str, tuple[float, float]]:
-    """Value and standard error of each path from a mission alone, nothing being known of them beforehand."""
+    """Value and standard error of each path from one mission alone, without priors."""
     log = check_log(record, plant, Asked(trust=trust))
     bench = Workbench(log.plant, log.record, log.parts, np.inf, log.every_window)
     state = bench.fit(bench.plant, paths)
@@ -177,7 +179,7 @@ def sizes_of(record: Record, plant: Plant, paths: Sequence[str], trust: bool) ->
 def _trend(
     plant: Plant, path: str, usable: Sequence[tuple[float, Mapping[str, Any]]], per: str, tied: Sequence[str]
 ) -> Trend | None:
-    """The line through the missions' sizes, weighted, with a scatter of their own; None of too few that tell it."""
+    """The weighted line through the missions' sizes, with a scatter between missions; None if too few can be used."""
     told = [(when, *sizes[path]) for when, sizes in usable if 0.0 < sizes[path][1] < np.inf]
     if len(told) < LEAST:
         return None
@@ -194,8 +196,8 @@ def _trend(
 def line(at: np.ndarray, values: np.ndarray, errors: np.ndarray) -> tuple[float, float, float, float]:
     """Slope of a line through values with standard errors, its own standard error, their scatter, and its mean level.
 
-    The scatter is that beside the errors which makes the weighted squares as many as the degrees of freedom, or nothing
-    (Paule and Mandel 1982).
+    The scatter, added to the errors, is chosen so that the weighted sum of squares equals the degrees of freedom; it is
+    zero if that sum is already smaller (Paule and Mandel 1982).
     """
     design = np.stack([np.ones(at.size), at - at.mean()], axis=1)
 
@@ -207,7 +209,7 @@ def line(at: np.ndarray, values: np.ndarray, errors: np.ndarray) -> tuple[float,
 
     free, low, high = at.size - 2, 0.0, 2.0 * float(np.ptp(values)) + float(errors.max())
     if fitted(0.0)[2] > free:
-        for _ in range(60):  # halvings, to rounding
+        for _ in range(60):  # bisections, down to rounding
             middle = 0.5 * (low + high)
             low, high = (middle, high) if fitted(middle)[2] > free else (low, middle)
     found, covariance, _ = fitted(low)
@@ -215,9 +217,9 @@ def line(at: np.ndarray, values: np.ndarray, errors: np.ndarray) -> tuple[float,
 
 
 def _times(missions: Mapping[str, Record]) -> tuple[list[float], str]:
-    """When missions began, in days from the first, where their logs say so; else their numbers.
+    """The times at which missions began, in days from the first if the logs have dates; otherwise their numbers.
 
-    Raises ValueError where dates are not in order.
+    Raises ValueError if the dates are not in order.
     """
     begins = [float(r.attrs.get("start_epoch_s", np.nan)) + float(r.time[0]) for r in missions.values()]
     if not np.isfinite(begins).all():
@@ -229,13 +231,13 @@ def _times(missions: Mapping[str, Record]) -> tuple[list[float], str]:
 
 
 def _key(plant: Plant, *facts: Any) -> str:
-    """A number of all that a result follows from."""
+    """A hash of everything that a result depends on."""
     told = json.dumps([plant.name, plant.vector.tolist(), plant.dt, plant.longest_step, facts])
     return hashlib.sha256(told.encode()).hexdigest()
 
 
 def _kept(file: Path, key: str) -> dict[str, Any] | None:
-    """What a file keeps, if it is of this key."""
+    """The contents of a file, if it has this key."""
     try:
         told = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""Between which two times an effect acts, or does not: all pairs at once, from what it does from each time on."""
+"""The best two times between which, or outside of which, an effect acts: all pairs at once, by linear combination."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ BETWEEN, OUTSIDE = "between", "outside"
 
 
 def spans_of(edges: Sequence[int]) -> list[tuple[int, int]]:
-    """Every two of some rows, in their order."""
+    """All pairs of some rows, in order."""
     return list(combinations(edges, 2))
 
 
 def best_spans(signatures: np.ndarray, left: np.ndarray, form: str, one_sided: bool) -> tuple[float, tuple[int, int]]:
-    """The two times between which, or outside of which, an effect promises most, by number, and what it promises.
+    """The pair of times between or outside of which an effect promises the largest gain, and that gain.
 
-    signatures: (1 + E, paths, n), of the effect throughout and from each of E times on, beside what is fitted: what
-    acts between two times is the difference of two such.  left: (n,), what is left to explain.  one_sided: whether the
-    effect works in one direction only.  Returned are twice the gain in log-likelihood, and the numbers, from 1 on.
+    signatures: (1 + E, paths, n), of the effect throughout and from each of E times on, orthogonal to what is fitted;
+    an effect between two times is the difference of two of them.  left: (n,), the remaining errors.  one_sided: whether
+    the effect works in one direction only.  Returns twice the gain in log-likelihood, and the numbers of the times,
+    from 1.
     """
     count, paths, _ = signatures.shape
     flat = signatures.reshape(count * paths, -1)

@@ -1,4 +1,4 @@
-"""At which times of a log something changes, by the profile of the likelihood, and whether sizes agree."""
+"""The times of a log at which something changes, by the likelihood profile, and whether sizes agree on both halves."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from identification.fit.changing import ChangingPlant, change, changed
 from identification.fit.followed import Point
 from identification.fit.prediction_errors import PredictionErrors
 
-_SCANNED = 12  # rows of a profile at first, in the time between two that were screened
-_REACH = 1.5  # such times to either side, that a profile covers at first
-_DROP = 0.5 * float(chi2.isf(MISSED, 1))  # of the log-likelihood, at the ends of a time's interval
+_SCANNED = 12  # rows of the first profile per span between two screened times
+_REACH = 1.5  # such spans to either side that the first profile covers
+_DROP = 0.5 * float(chi2.isf(MISSED, 1))  # fall of the log-likelihood at the ends of a time's interval
 
 
 def placed(bench: Workbench, state: State, edges: Mapping[str, tuple[int, ...]]) -> tuple[Workbench, State]:
-    """The bench and the state with the edges of some forms, in which nothing has changed yet, at these rows."""
+    """The bench and the state with the edges of some forms, whose changes are still zero, moved to these rows."""
     plant = bench.problem.plant
     assert isinstance(plant, ChangingPlant)
     courses = {form: replace(plant.courses[form], edges=rows) for form, rows in edges.items()}
@@ -34,11 +34,11 @@ def placed(bench: Workbench, state: State, edges: Mapping[str, tuple[int, ...]])
 
 
 def moved_to_best(bench: Workbench, state: State, form: str, number: int) -> tuple[Workbench, State, Sized]:
-    """The state with one of a form's edges where it is likeliest, the bench of that, and the time with its interval.
+    """Move one of a form's edges to its most likely row; returns the bench, the state, and the time with its interval.
 
-    number: of the edge.  Sought among rows about it, since commands that change make several likely ones, then by steps
-    that are halved; parameters and starts refitted with the filter's gains held.  The interval ends at the first rows
-    where the log-likelihood has fallen by `_DROP`.
+    number: of the edge.  Nearby rows are scanned first, since commands that change produce several local optima; steps
+    that are halved then refine the best one.  Parameters and starts are refitted with the filter's gains held.  The
+    interval ends at the first rows where the log-likelihood has fallen by `_DROP`.
     """
     problem, time = bench.problem, bench.record.time
     plant = problem.plant
@@ -80,7 +80,7 @@ def moved_to_best(bench: Workbench, state: State, form: str, number: int) -> tup
 
 
 def _end(likely: Callable[[int], float], best: int, inner: int, limit: int) -> int:
-    """The first row from an inner one towards a limit where the likelihood has fallen by `_DROP`, or the limit."""
+    """The first row from an inner one towards a limit where the log-likelihood has fallen by `_DROP`, or the limit."""
     side, reach, outer = (1 if limit > best else -1), 1, inner
     while outer != limit and likely(outer) > likely(best) - _DROP:
         inner, outer = outer, outer + side * min(reach, abs(limit - outer))
@@ -92,10 +92,10 @@ def _end(likely: Callable[[int], float], best: int, inner: int, limit: int) -> i
 
 
 def split_evidence(bench: Workbench, state: State, name: str, form: str) -> float:
-    """The evidence that a change is not of one size in both halves of the time in which it acts.
+    """The evidence that the size of a change differs between the halves of the time in which it acts.
 
-    Beside it, the same effect may act from a time on in the middle of its own: one of a form with numbers, such as
-    `from7`, whose times are those that were screened.  What acts outside of two times is split by these.
+    The same effect is added from the screened time nearest to the middle of that time on, in a form with numbers such
+    as `from7`.  An effect outside of two times is split at the second of them.
     """
     plant = bench.problem.plant
     assert isinstance(plant, ChangingPlant)
@@ -115,6 +115,6 @@ def split_evidence(bench: Workbench, state: State, name: str, form: str) -> floa
         return 0.0
     added = change(min(times, key=lambda other: abs(times[other] - middle)), path)
     found = screen(bench.problem, state.point, state.paths, [Candidate(path, (added,))], 1.0)[0]
-    if found.evidence < _DROP:  # also of one that cannot be told
+    if found.evidence < _DROP:  # also if the effect cannot be determined
         return 0.0
     return bench.gain(state, bench.fit(state.plant, (*state.paths, added), state))

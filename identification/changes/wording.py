@@ -1,4 +1,4 @@
-"""What a comparison of missions found, in sentences and as plain data."""
+"""The findings of a comparison of missions, in sentences and as plain data."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from identification.changes.series import Series, Trend
 from identification.changes.spans import BETWEEN, OUTSIDE
 from identification.diagnosis.wording import capital, interval, quantity, sized
 
-_FAR = 3.0  # half intervals; a scatter beyond that many is no trend, but a change that asks for an explanation
-_WHEN = {  # an effect acts, by its form
+_FAR = 3.0  # half intervals; a larger scatter is not a trend, but a difference that needs an explanation
+_WHEN = {  # when an effect acts, by its form
     BEFORE: "in the earlier missions only",
     AFTER: "in the later missions only",
     FROM: "from some time on",
@@ -27,7 +27,7 @@ _WHEN = {  # an effect acts, by its form
     BETWEEN: "between two times",
     OUTSIDE: "except between two times",
 }
-_TOLD = 4  # that did not change, in the summary; the page has all
+_TOLD = 4  # unchanged parameters in the summary; the page has all of them
 
 
 def summary(found: Comparison) -> list[str]:
@@ -54,13 +54,13 @@ def changed_words(c: Changed, plant: Plant) -> str:
 
 
 def tied_words(tied: Sequence[str], plant: Plant) -> str:
-    """What else would explain it, by title, with when it acts: `yaw moment (until some time), rudder offset`."""
+    """The alternatives by title, with when they act: `yaw moment (until some time), rudder offset`."""
     split = [name.rpartition(" ")[::2] for name in tied]
     return ", ".join(f"{spec_at(plant, path).title or path}{_when_of(form, path)}" for form, path in split)
 
 
 def _when_of(form: str, path: str) -> str:
-    """When an alternative acts, in brackets; nothing of one that acts throughout."""
+    """When an alternative acts, in brackets; empty if it acts throughout."""
     if form in (BEFORE, AFTER) and not path.startswith("effects."):
         return " (changed)"
     return f" ({_WHEN[form]})" if form else ""
@@ -73,7 +73,7 @@ def common_words(c: Common, plant: Plant) -> str:
 
 
 def timeline_summary(found: Timeline) -> list[str]:
-    """What is missing and when it acts, a sentence each."""
+    """What is missing and when it acts, one sentence each."""
     return [timed_words(t, found.plant) for t in found.found] or [
         "The model explains this log: no known effect is missing at any time."
     ]
@@ -124,7 +124,7 @@ def when_words(t: Timed) -> tuple[str, str]:
 
 
 def series_summary(found: Series) -> list[str]:
-    """Each trend, surely there or not, in a sentence."""
+    """Each trend, significant or not, in a sentence."""
     lines = []
     for t in found.trends:
         size, limits = rate_of(t)
@@ -138,7 +138,7 @@ def series_summary(found: Series) -> list[str]:
 
 
 def rate_of(t: Trend) -> tuple[str, str]:
-    """A rate and its interval: of coefficients in percent of the missions' mean."""
+    """A rate and its interval; for coefficients, in percent of the missions' mean."""
     whole = _whole(t)
     if whole is None:
         return quantity(t.rate.value, t.unit), interval(t.rate.ci95, t.unit)
@@ -153,7 +153,7 @@ def scatter_of(t: Trend) -> str:
 
 
 def _whole(t: Trend) -> float | None:
-    """What is 100 % of a coefficient, the mean of the missions; None for what is told in its own unit."""
+    """The value of a coefficient that counts as 100 %, the missions' mean; None for what is given in its own unit."""
     mean = abs(float(np.mean([s.value for s in t.sizes])))
     return None if t.path.startswith("effects.") or mean == 0.0 else mean
 
@@ -170,12 +170,12 @@ def series_json(found: Series) -> dict[str, Any]:
 
 
 def named(item: Changed | Unchanged | Trend) -> str:
-    """The title without its remark in brackets, and without a `by` that a size would follow."""
+    """The title without its remark in brackets, and without a trailing `by`."""
     return item.title.partition(" (")[0].removesuffix(" by").removesuffix(",")
 
 
 def size_of(size: float, u: Unchanged) -> str:
-    """A size of a change: of coefficients in percent."""
+    """The size of a change; for coefficients, in percent."""
     if u.path.startswith("effects.") or u.value == 0.0:
         return quantity(size, u.unit)
     share = 100.0 * size / abs(u.value)
