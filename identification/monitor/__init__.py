@@ -1,1 +1,1 @@
-"""Alarms while a vehicle runs, at a stated rate of false ones, and the name of what has gone wrong."""
+"""Online monitoring: alarms at a stated false-alarm rate while a vehicle runs, and the cause of an alarm."""

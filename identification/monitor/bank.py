@@ -1,10 +1,11 @@
-"""Sequential tests of innovations: sums with fading memories, which an alarm's thresholds bound.
+"""Sequential tests of innovations: sums with exponential forgetting, against thresholds for an alarm.
 
-Each of several memories keeps, of each channel, the sum of its innovations by themselves and in step with each signal
-(a command or a predicted output, less its mean), over what such a sum varies by, z.  White innovations make z a
-standard normal whatever the signals do, since they are known beforehand.  Tests are the square of each z, the sum of
-squares over the channels, and the mean square of each channel by Wilson and Hilferty's cube root (1931, PNAS 17).
-Sources: tests over several times side by side, Lai 1995, J. R. Statist. Soc. B 57, sec. 3; the rate at which a
+Each of several memories keeps, for each channel, the sum of its innovations and their sums weighted by each signal (a
+command or a predicted output, minus its mean).  Each sum is divided by its standard deviation, giving z.  If the
+innovations are white, z is standard normal whatever the signals do, since these are known beforehand.  The tests are
+the square of each z, its sum over the channels, and the mean square of each channel, by Wilson and Hilferty's cube root
+(1931, PNAS 17).
+Sources: tests with several memories side by side, Lai 1995, J. R. Statist. Soc. B 57, sec. 3; the rate at which a
 chi-square process crosses a high bar, Aldous 1989, sec. D10.
 """
 
@@ -18,18 +19,18 @@ from scipy.stats import chi2
 
 from auv_gym.compiled import outlined, ready
 
-LEAST = 1e-200  # of a sum of squares, in place of none
-CLIP = 5.0  # of an innovation: one outlier alone raises no alarm, since the lowest bar is higher
-_RATIO = 2.5  # of a memory to the one before: between two of them, an alarm takes at most a fifth longer
+LEAST = 1e-200  # keeps a sum of squares from being zero
+CLIP = 5.0  # of an innovation; the lowest bar is higher, so a single outlier raises no alarm
+_RATIO = 2.5  # between one memory and the next; an alarm then takes at most a fifth longer than with the best memory
 _SHORTEST = 2.0  # samples
-_BLOCK = 1000  # samples, of whose greatest statistics the bars are made
+_BLOCK = 1000  # samples; the bars are computed from the greatest statistics of such blocks
 _BLOCKS = 400
-_OFTEN = 0.3  # of the blocks, in which the bar is passed to which the rate of rarer ones is tied
+_OFTEN = 0.3  # share of blocks that pass the bar from which the rates of rarer ones are extrapolated
 
 
 @dataclass(frozen=True, eq=False)
 class Bars:
-    """What raises an alarm: more than `pooled` of the sum of squares over the channels, or than `single` of one."""
+    """The bars for an alarm: `pooled` for the sum of squares over the channels, `single` for one square."""
 
     pooled: float
     single: float
@@ -42,20 +43,20 @@ def memories(longest: float) -> np.ndarray:
 
 
 class Bank:
-    """The sums; their time constants in samples are `memories`, (S,).
+    """The sums of all tests; `memories`, (S,), are their time constants in samples.
 
-    columns: (J - 1,), of the signals after the constant one among inputs and states.
-    inflation: (S, 2, C), by which squares of z of a clean log are more than 1: of sums, and of mean squares.
-    squares: (S, J + 1, C), of z; last those of the mean squares, zero where these are small.  told: the greatest
-    pooled square, its memory and signal; the greatest single one, its memory and signal.
+    columns: (J - 1,), positions of the signals after the constant one among inputs and states.
+    inflation: (S, 2, C), the mean of z squared over a clean log if above 1: for sums, and for mean squares.
+    squares: (S, J + 1, C), of z; the last row is that of the mean squares, zero if these are below expectation.  told:
+    the greatest pooled square, its memory and signal; the greatest single square, its memory and signal.
     """
 
     def __init__(self, lasting: np.ndarray, columns: np.ndarray, channels: int, inflation: np.ndarray | None = None):
         count, signals = len(lasting), 1 + len(columns)
         inflation = np.ones((count, 2, channels)) if inflation is None else inflation
-        # of innovations times signals and of squared signals; of squared innovations, their weights and squared weights
+        # sums of innovations times signals and of squared signals; of squared innovations, weights and squared weights
         self._sums, self._own = np.zeros((count, signals, 2, channels)), np.zeros((count, 3, channels))
-        self._means = np.zeros((count, signals + 1))  # of the signals; last, the weight of the past
+        self._means = np.zeros((count, signals + 1))  # of the signals; the last one is the weight of the past
         self.squares, self.told = np.zeros((count, signals + 1, channels)), np.zeros(6)
         room = np.zeros((2, channels))
         self._numbers = (self._sums, self._own, self._means, self.squares, self.told, room)
@@ -66,11 +67,11 @@ class Bank:
         self._sums[:], self._own[:], self._means[:] = 0.0, 0.0, 0.0
 
     def take(self, innovations: np.ndarray, scales: np.ndarray, inputs: np.ndarray, states: np.ndarray) -> None:
-        """Go on by a sample of innovations times scales, (C,)."""
+        """Update the sums with a sample of innovations times scales, (C,)."""
         self._program(innovations, scales, inputs, states, self._columns, *self._settings, *self._numbers)
 
     def greatest(self, innovations: np.ndarray, signals: np.ndarray) -> np.ndarray:
-        """The greatest pooled and single square over samples, (2,), nothing being inflated.
+        """The greatest pooled and single square over samples, (2,), without inflation.
 
         signals: (n, J - 1).
         """
@@ -83,7 +84,10 @@ class Bank:
 def _taken(
     innovations, scales, inputs, states, columns, decays, inverse, sums, own, means, squares, told, room
 ):  # fmt: skip
-    """See `Bank.take`; channels are innermost.  inverse: of the inflation.  room: work, (2, C)."""
+    """Update all sums with one sample, see `Bank.take`; channels are innermost.
+
+    inverse: 1 over the inflation.  room: work array, (2, C).
+    """
     count, number, _, channels = sums.shape
     e, there = room[0], room[1]
     for c in range(channels):
@@ -112,7 +116,7 @@ def _taken(
                 total += squares[s, j, c]
             if total > told[0]:
                 told[0], told[1], told[2] = total, s, j
-            if total > told[3]:  # or none of them is the greatest
+            if total > told[3]:  # otherwise no single one can be greater
                 for c in range(channels):
                     if squares[s, j, c] > told[3]:
                         told[3], told[4], told[5] = squares[s, j, c], s, j
@@ -133,7 +137,7 @@ def _taken(
 
 @outlined
 def _greatest(innovations, signals, columns, decays, inverse, sums, own, means, squares, told, room, found):
-    """See `Bank.greatest`."""
+    """Run the tests over samples and keep the greatest squares; see `Bank.greatest`."""
     scales, none = np.ones(innovations.shape[1]), np.zeros(0)
     for k in range(innovations.shape[0]):
         numbers = (columns, decays, inverse, sums, own, means, squares, told, room)
@@ -142,11 +146,13 @@ def _greatest(innovations, signals, columns, decays, inverse, sums, own, means, 
 
 
 def bars_for(bank: Bank, signals: np.ndarray, present: np.ndarray, rate: float, rng: np.random.Generator) -> Bars:
-    """The bars at which white normal innovations raise `rate` alarms a sample; the bank's past is forgotten.
+    """The bars at which white normal innovations raise `rate` alarms per sample; clears the bank's past.
 
-    signals: (n, J - 1), of a clean log, which is gone through again and again.  present: (n, C), where it has readings.
-    Simulated: what is passed in `_OFTEN` of the blocks of `_BLOCK` samples fixes the rate at which each of the two is,
-    K h P(chi-square > h) of a bar h, and how often both are passed at once; higher bars follow.
+    signals: (n, J - 1), from a clean log, which is repeated as often as needed.  present: (n, C), which readings it
+    has.
+    By simulation: the bar that is passed in `_OFTEN` of the blocks of `_BLOCK` samples fixes the constant K in each
+    statistic's rate K h P(chi-square > h) at a bar h, and shows how often both are passed together; the higher bars
+    follow from this.
     """
     channels, greatest = present.shape[1], np.zeros((_BLOCKS, 2))
     bank.clear()
@@ -157,7 +163,7 @@ def bars_for(bank: Bank, signals: np.ndarray, present: np.ndarray, rate: float, 
     bank.clear()
     often, freedoms = -np.log1p(-_OFTEN) / _BLOCK, (channels, 1)
     known = np.quantile(greatest, 1.0 - _OFTEN, axis=0)
-    logs = [np.log(often) - _log_shape(h, f) for h, f in zip(known, freedoms, strict=True)]  # of K
+    logs = [np.log(often) - _log_shape(h, f) for h, f in zip(known, freedoms, strict=True)]  # logarithms of K
     rates = np.stack([k + _log_shape(g, f) for k, g, f in zip(logs, greatest.T, freedoms, strict=True)])
     own = np.log(rate) + float(np.quantile(rates.min(axis=0), _OFTEN)) - np.log(often)
     return Bars(*(_bar(h, own - k, f) for h, k, f in zip(known, logs, freedoms, strict=True)))
@@ -168,7 +174,7 @@ def _log_shape(bar: np.ndarray | float, freedom: int):
 
 
 def _bar(low: float, wanted: float, freedom: int) -> float:
-    """The bar of a logarithm of h P(chi-square > h), at least `low`."""
+    """The bar h, at least `low`, at which the logarithm of h P(chi-square > h) is `wanted`."""
     if _log_shape(low, freedom) <= wanted:
         return float(low)
     return float(root_scalar(lambda h: _log_shape(h, freedom) - wanted, bracket=(low, 1000.0)).root)

@@ -1,4 +1,4 @@
-"""A monitor of a vehicle: alarms while it runs, and what has gone wrong by the stretch behind an alarm."""
+"""A monitor of a vehicle: alarms while it runs, and the cause, found from the data around an alarm."""
 
 from __future__ import annotations
 
@@ -26,22 +26,23 @@ from identification.fit.windows import stretches_of
 from identification.monitor.bank import CLIP, Bank, bars_for, memories
 
 Values = Mapping[str, float] | np.ndarray
-_NOT_FELT = ("north_m", "east_m", "elapsed_s")  # what no force depends on
+_NOT_FELT = ("north_m", "east_m", "elapsed_s")  # signals that no force depends on
 CONSTANT, SCATTER = "constant", "scatter"
-# of a clean log's samples, the longest memory of tests: what its coefficients are off by adds to the square of z, over
-# so many samples, this share of their number; the filter remembers so many times longer
+# longest memory of the tests, as a share of a clean log's samples: the coefficients' error adds this share to the
+# square of z; the filter's memory is longer by the second factor
 _OF_CLEAN, _KEPT_ON = 0.05, 2.0
 _LONGEST = 1000.0  # samples
 _LEAST_CLEAN = 200  # samples of a clean log
-_BEHIND, _AFTER = 6.0, 3.0  # of a vehicle's windows, what is diagnosed before and after an alarm
+_BEHIND, _AFTER = 6.0, 3.0  # in windows of the vehicle: the span before and after an alarm that is diagnosed
 
 
 @dataclass(frozen=True)
 class Alarm:
-    """An alarm of a monitor: the time and channel at which innovations stopped being white noise.
+    """An alarm of a monitor: when, and in which channel, innovations stopped being white noise.
 
-    time: s.  channel: "" where several together tell.  signal: what they go with: a command or a state, CONSTANT for
-    a steady offset, SCATTER for more noise.  memory: s, over which the test that raised it looks back.
+    time: s.  channel: "" if several channels together raise it.  signal: the command or state that the innovations
+    correlate with, CONSTANT for a steady offset, SCATTER for more noise.  memory: s, time constant of the test that
+    raised it.
     over: its statistic over the bar.
     """
 
@@ -54,12 +55,12 @@ class Alarm:
 
 @dataclass(frozen=True, eq=False)
 class Learned:
-    """What a clean log says of a vehicle: its coefficients and noises, and how white its innovations are.
+    """A vehicle as learned from a clean log: its coefficients and noises, and how white its innovations are.
 
-    interval: s, between samples.  unit: (C,), root mean square of the innovations.  signals: names, the constant first;
-    columns: of the others among inputs and states.  clean: (n, J - 1), these.  present: (n, C), where the log has
-    readings.  memories, inflation: see `Bank`.  missing: paths of an effect that the clean log itself shows, and of
-    what else would explain it; no alarm is to be expected of that effect.
+    interval: s, between samples.  unit: (C,), RMS of the innovations.  signals: names, the constant first; columns:
+    positions of the others among inputs and states.  clean: (n, J - 1), their values.  present: (n, C), which readings
+    the log has.  memories, inflation: see `Bank`.  missing: paths of an effect that the clean log itself shows, and of
+    its alternatives; expect no alarm for that effect.
     """
 
     plant: Plant
@@ -76,10 +77,10 @@ class Learned:
 
 
 class Monitor:
-    """A monitor that watches a vehicle, sample by sample; `learn` makes one from a clean log.
+    """A monitor that watches a vehicle sample by sample; `learn` makes one from a clean log.
 
-    The innovations of its Kalman filter are tested as `identification.monitor.bank` says.  After an alarm the tests
-    begin anew, and the filter goes on.  It takes constant time and memory for a sample; the last samples are kept for
+    The innovations of its Kalman filter are tested as described in `identification.monitor.bank`.  After an alarm the
+    tests start again, and the filter continues.  Time and memory per sample are constant; the last samples are kept for
     `stretch`.  time: s; over: the greatest statistic of the last sample, over its bar.
 
     Example:
@@ -122,13 +123,13 @@ class Monitor:
         trust: bool = False,
         progress: Progress = lambda fraction, text: None,
     ) -> Monitor:
-        """The monitor of a vehicle, its coefficients and noises fitted to a clean log as a diagnosis begins.
+        """A monitor of a vehicle whose coefficients and noises are first fitted to a clean log, as in a diagnosis.
 
-        steady: hold the filter's mean gains of the clean log but for the first seconds, in place of gains for each
-        sample's motion.  doubt: as of a diagnosis; 0 holds the coefficients.  noise: where a fit has estimated it:
-        nothing is fitted then.  Innovations that are not quite white in the clean log raise the bars; an effect that it
-        shows is in `learned.missing`.
-        Raises ValueError where the log cannot be used, or the attitude turns too far for the filter.
+        steady: use the filter's mean gains over the later half of the clean log, instead of gains for each sample's
+        motion.  doubt: as in a diagnosis; 0 holds the coefficients.  noise: a noise estimated before; nothing is fitted
+        then.  Innovations that are not quite white in the clean log raise the bars; an effect that it shows is listed
+        in `learned.missing`.
+        Raises ValueError if the log cannot be used, or if the attitude turns too far for the filter.
         """
         errors, missing = dict[str, float](), ()
         if noise is None:
@@ -156,16 +157,19 @@ class Monitor:
         return cls(replace(learned, missing=missing), false_alarms_per_hour)
 
     def begin(self, inputs: Values, measured: Values) -> None:
-        """Begin the filter anew where the vehicle is, as after a gap; the tests go on.  inputs: the commands now."""
+        """Start the filter again at the vehicle's present state, for example after a gap; the tests continue.
+
+        inputs: the commands from now on.
+        """
         u, y = self._vectors(inputs, measured)
         self._filter.begin(u, y)
         self._kept.append((self.time, u, y))
 
     def step(self, inputs: Values, measured: Values, duration: float | None = None) -> Alarm | None:
-        """An alarm, if there is one, at a sample `duration` s after the one before, by default the usual interval.
+        """Process a sample `duration` s (default: the usual interval) after the last one; returns an alarm or None.
 
-        inputs: the commands that were held since then, by channel or in the vehicle's order.  measured: the readings
-        at its end, likewise; NaN where there is none.
+        inputs: the commands held since the last sample, by channel or in the vehicle's order.  measured: the readings
+        at the end, likewise; NaN if there is none.
         """
         u, y = self._vectors(inputs, measured)
         return self._step(u, y, self.learned.interval if duration is None else duration)
@@ -182,7 +186,7 @@ class Monitor:
         return self._alarm() if self.over > 1.0 else None
 
     def replay(self, record: Record) -> Iterator[Alarm | None]:
-        """An alarm or None at each sample of a log but the first after each gap, where the filter begins anew."""
+        """An alarm or None for each sample of a log except the first after each gap, where the filter starts again."""
         record = described(self.learned.plant, record)
         inputs, outputs, read, time = _columns(self.learned.plant, record)
         for segment in record.segments:
@@ -198,21 +202,21 @@ class Monitor:
     def stretch(self) -> Record:
         """The last samples, as a record."""
         plant, (time, inputs, outputs) = self.learned.plant, zip(*self._kept, strict=True)
-        held = np.array([*inputs[1:], inputs[-1]])  # a record's row says what is held from there on
+        held = np.array([*inputs[1:], inputs[-1]])  # a row of a record holds the commands from that row on
         columns = dict(zip(plant.inputs, held.T, strict=True))
         columns |= {n: v for n, v in zip(plant.outputs, np.array(outputs).T, strict=True) if np.isfinite(v).any()}
         return Record.from_arrays(np.array(time), columns, attrs={"source": "monitor", "vehicle": plant.name})
 
     def explain(self, record: Record | None = None, alarm: Alarm | None = None, **options) -> Timeline:
-        """What has gone wrong and when, by `find_onsets` over the stretch about an alarm, by default the last samples.
+        """The cause and its time, by `find_onsets` over the samples around an alarm (default: the last samples).
 
-        What a log has after the alarm is of use too.  options: of `find_onsets`.
+        Data from after the alarm is used as well.  options: of `find_onsets`.
         """
         plant = self.learned.plant
         if record is None:
             record = self.stretch()
         elif alarm is not None:
-            first = max(alarm.time - _BEHIND * plant.window, float(record.time[0]))  # a log may begin just before it
+            first = max(alarm.time - _BEHIND * plant.window, float(record.time[0]))  # a log may begin shortly before it
             last = max(alarm.time + _AFTER * plant.window, first + (_BEHIND + _AFTER) * plant.window)
             record = record.select((record.time >= first) & (record.time <= last))
         return find_onsets(record, plant, **options)
@@ -224,7 +228,7 @@ class Monitor:
         if isinstance(measured, Mapping):
             measured = np.array([measured.get(n, np.nan) for n in plant.outputs])
         u, y = np.array(inputs, dtype=np.float64), np.array(measured, dtype=np.float64)
-        if u.shape != (len(plant.inputs),) or y.shape != (len(plant.outputs),):  # compiled code checks no index
+        if u.shape != (len(plant.inputs),) or y.shape != (len(plant.outputs),):  # compiled code does not check indices
             names, count = ", ".join((*plant.inputs, *plant.outputs)), (len(plant.inputs), len(plant.outputs))
             raise ValueError(
                 f"A monitor of {plant.name} needs {count[0]} inputs and {count[1]} readings ({names}), got arrays of "
@@ -245,14 +249,14 @@ class Monitor:
 
 
 def _missing(known: Known, plant: Plant, doubt: float, progress: Progress) -> tuple[str, ...]:
-    """The effect that a clean log shows most plainly by the bar of a diagnosis, and what else would explain it."""
+    """The effect that a clean log shows most clearly above the bar of a diagnosis, with its alternatives."""
     effects = Changeable.of(plant, known.bench.record, doubt).effects
     found = selected(known.bench, known.nominal, effects, len(effects), (), progress)
     return () if found.chosen is None else (*found.chosen.candidate.paths, *tied_names([found]))
 
 
 def _learned(record: Record, plan: FilterPlan, lasting: np.ndarray, steady: bool) -> Learned:
-    """What innovations are like over a clean log."""
+    """The statistics of innovations over a clean log."""
     plant = plan.plant
     names, count = [*plant.inputs, *plant.family.states], len(plan.channels)
     if steady:
@@ -279,7 +283,7 @@ def _learned(record: Record, plan: FilterPlan, lasting: np.ndarray, steady: bool
 
 
 def _followed(record: Record, plan: FilterPlan) -> Iterator[OnlineFilter]:
-    """The filter after each sample of a log that counts."""
+    """The filter after each sample of a log whose innovations count."""
     own, (inputs, outputs, read, time) = OnlineFilter(plan), _columns(plan.plant, record)
     for segment in record.segments:
         own.begin(inputs[segment.start], outputs[segment.start])
@@ -289,7 +293,7 @@ def _followed(record: Record, plan: FilterPlan) -> Iterator[OnlineFilter]:
 
 
 def _columns(plant: Plant, record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Inputs, outputs, those of the outputs that are readings (others NaN), and times of a log."""
+    """The inputs, outputs, readings (the outputs with NaN if filled in) and times of a log."""
     outputs = outputs_of(plant, record)
     held = [record.readings(name) if record.has(name) else np.zeros(len(record), bool) for name in plant.outputs]
     return inputs_of(plant, record), outputs, np.where(np.stack(held, axis=1), outputs, np.nan), record.time

@@ -27,18 +27,18 @@ from identification.pages.page import Table, drawn, page
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_POINTS = 1000  # of the picture, each the greatest of its time
-_TOLD, _LISTED = 3, 20  # alarms in the summary, and rows of them on the page
+_POINTS = 1000  # points of the picture, each the greatest value in its span of time
+_TOLD, _LISTED = 3, 20  # alarms in the summary, and in the table of the page
 _SIGNALS = {CONSTANT: "none (steady offset)", SCATTER: "none (larger errors)"}
 
 
 @dataclass(frozen=True, eq=False)
 class Watched:
-    """What a monitor found in a log.
+    """The result of watching a log with a monitor.
 
-    clean: which log the monitor has learned from.  hours: of the log.  time: (n,) s, and over: (n,), the greatest
-    statistic over its bar.  timeline: of the stretch about the first alarm, None without an alarm; problem: why there
-    is none otherwise.
+    clean: name of the log that the monitor learned from.  hours: length of the log.  time: (n,) s, and over: (n,), the
+    greatest statistic over its bar.  timeline: of the data around the first alarm, None without an alarm; problem: why
+    there is none despite an alarm.
     """
 
     monitor: Monitor
@@ -52,12 +52,12 @@ class Watched:
 
     @property
     def apart(self) -> float:
-        """The time, s, after which an alarm is a new one: the longest memory of the tests."""
+        """The time after which an alarm counts as a new one, s: the longest memory of the tests."""
         return float(self.monitor.learned.memories.max() * self.monitor.learned.interval)
 
     @property
     def episodes(self) -> list[list[Alarm]]:
-        """The alarms, those together that follow one another by less than `apart`: a fault that stays repeats them."""
+        """The alarms, grouped if they follow one another within `apart`: a lasting fault repeats its alarm."""
         found: list[list[Alarm]] = []
         for alarm in self.alarms:
             if found and alarm.time - found[-1][-1].time < self.apart:
@@ -75,9 +75,9 @@ def watch(
     trust: bool = False,
     progress: Progress = lambda fraction, text: None,
 ) -> Watched:
-    """Replay a log, and find what has gone wrong by the stretch about the first alarm.
+    """Replay a log, and find the cause from the data around the first alarm.
 
-    clean: what the report calls the log that the monitor has learned from.
+    clean: the report's name for the log that the monitor learned from.
     """
     found = [(monitor.time, monitor.over, alarm) for alarm in monitor.replay(record)]
     alarms = tuple(alarm for _, _, alarm in found if alarm is not None)
@@ -92,7 +92,7 @@ def watch(
 
 
 def alarm_words(alarms: Sequence[Alarm]) -> str:
-    """`Alarm at 412 s: the heading departs steadily from its prediction (over the last 50 s).`, and until when."""
+    """`Alarm at 412 s: the heading departs steadily from its prediction (over the last 50 s).`, and its end."""
     alarm = alarms[0]
     what = f"the {channel(alarm.channel).label}" if alarm.channel else "several readings together"
     verb = "departs" if alarm.channel else "depart"
@@ -107,7 +107,7 @@ def alarm_words(alarms: Sequence[Alarm]) -> str:
 
 
 def learned_words(found: Watched) -> str:
-    """Which log the monitor has learned from, and whether that log shows a fault itself."""
+    """Which log the monitor learned from, and whether that log itself shows a fault."""
     learned = found.monitor.learned
     hours = len(learned.clean) * learned.interval / 3600.0
     text = f"The monitor takes the vehicle in {found.clean} ({hours:.2g} h) for healthy."
@@ -121,7 +121,7 @@ def learned_words(found: Watched) -> str:
 
 
 def watched_summary(found: Watched) -> list[str]:
-    """What the monitor has learned from, the alarms, and what has gone wrong, a sentence each."""
+    """What the monitor learned from, the alarms, and the cause, one sentence each."""
     rate, episodes, hours = found.monitor.false_alarms_per_hour, found.episodes, found.hours
     lines = [learned_words(found)]
     if not episodes:
@@ -140,7 +140,7 @@ def watched_summary(found: Watched) -> list[str]:
 
 
 def watched_json(found: Watched) -> dict[str, Any]:
-    """The same as plain data, SI throughout."""
+    """The result as plain data, SI throughout."""
     return finite(
         {
             "vehicle": found.monitor.learned.plant.name,
@@ -154,7 +154,7 @@ def watched_json(found: Watched) -> dict[str, Any]:
 
 
 def write_watched(found: Watched, folder: str | os.PathLike) -> dict[str, Path]:
-    """Write monitor.json and monitor.html; their paths by name.
+    """Write monitor.json and monitor.html; returns their paths by name.
 
     Raises ValueError if the folder cannot be written, ImportError without the extra `render`.
     """
@@ -166,7 +166,7 @@ def write_watched(found: Watched, folder: str | os.PathLike) -> dict[str, Path]:
 
 
 def watched_page(found: Watched) -> str:
-    """The text of one HTML page, with one picture."""
+    """The report as the text of one HTML page, with one picture."""
     count = len(found.episodes)
     rows = [_row(alarms) for alarms in found.episodes]
     about = [
@@ -198,7 +198,7 @@ def watched_page(found: Watched) -> str:
 
 
 def _row(alarms: Sequence[Alarm]) -> tuple[str, ...]:
-    """The row of an alarm and of those that repeat it."""
+    """The table row of an alarm and its repetitions."""
     first, last = alarms[0], alarms[-1]
     return (
         f"{first.time:.0f}{f' to {last.time:.0f}' if len(alarms) > 1 else ''} s",
@@ -211,7 +211,7 @@ def _row(alarms: Sequence[Alarm]) -> tuple[str, ...]:
 
 
 def watched_figure(found: Watched) -> Figure:
-    """The greatest statistic over its bar, by time."""
+    """The greatest statistic over its bar, against time."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, 2.6), layout="constrained")

@@ -1,4 +1,4 @@
-"""An environment that is watched while it runs."""
+"""An environment that a monitor watches while it runs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import gymnasium
 
 from identification.monitor.monitor import Monitor
 
-_SAME_STEP = 0.01  # of a step, by which a clock may differ
+_SAME_STEP = 0.01  # of a step; tolerated difference between step lengths
 
 
 class Monitored(gymnasium.Wrapper):
@@ -31,7 +31,7 @@ class Monitored(gymnasium.Wrapper):
     """
 
     def __init__(self, env: gymnasium.Env, monitor: Monitor):
-        """Raises ValueError if the environment has other commands or readings than the monitor, or other steps."""
+        """Wrap an environment; raises ValueError if its commands, readings or step differ from the monitor's."""
         super().__init__(env)
         self.monitor = monitor
         own, learned = env.unwrapped.get_wrapper_attr("plant"), monitor.learned
