@@ -1,1 +1,1 @@
-"""The next experiment: which one tells apart what this record could not."""
+"""Planning the next experiment: which one tells apart the causes that a record could not."""

@@ -1,4 +1,4 @@
-"""Which experiment tells apart the effects that a record could not, and how many minutes it takes."""
+"""Choice of the experiment that tells apart the effects that a record could not, and its duration."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ from identification.fit.changing import ChangingPlant
 from identification.fit.windows import free_run_windows
 from identification.planning.separation import Knowledge, Noise, record_knowledge, record_noise, separation
 
-ENOUGH = 25.0  # evidence that tells two effects apart: five standard errors
+ENOUGH = 25.0  # evidence that tells two effects apart: five standard errors, squared
 FILE = "next_experiment.toml"
-_FIRST = 2.0  # of the least minutes: how long the first simulations are
-_REFINED = 2  # designs that are simulated once more, for as long as they are expected to take
+_FIRST = 2.0  # in shortest experiments: the length of the first simulations
+_REFINED = 2  # number of designs that are simulated again, for their expected duration
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +47,10 @@ class Rival:
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A design and what it promises for the two rivals that it separates least.
+    """A design, and what it promises for the two rivals that it separates least.
 
-    evidence: expected in `simulated` minutes, beside what the record knows.  minutes: expected until all rivals are
-    told apart, infinite where that takes longer than the most allowed.  reason: why it cannot be used, or "".
+    evidence: expected from `simulated` minutes, in addition to the record.  minutes: expected until all rivals are told
+    apart; infinite if that takes longer than allowed.  reason: why the design cannot be used, or "".
     """
 
     design: Design
@@ -62,9 +62,9 @@ class Proposal:
 
 
 def rivals_of(diagnosis: Diagnosis) -> tuple[tuple[Rival, ...], ...]:
-    """The groups of effects that a diagnosis could not tell apart, each as the plants that explain the record.
+    """The groups of effects that a diagnosis could not tell apart, as the plants that explain the record.
 
-    Without what is an effect of some logs only: no experiment goes back to these.
+    Empty for effects of some logs only, since no experiment can repeat those logs.
     """
     final, groups = diagnosis.state, []
     for number, found in enumerate(diagnosis.rounds):
@@ -94,12 +94,13 @@ def next_experiment(
     seed: int = 0,
     progress: Callable[[float, str], None] = lambda fraction, text: None,
 ) -> tuple[Proposal, ...]:
-    """Designs by the minutes after which they tell all rivals apart, the quickest first.
+    """Designs sorted by the minutes that they need to tell all rivals apart, the quickest first.
 
-    Each rival is sent on each design in simulation; what another one cannot imitate of its outputs, with its effect,
-    coefficients and starts refitted, is the expected evidence.  record: that they tie on; it limits how far they may be
-    refitted, and gives the channels and the noise.  noise: of the sensors, instead.  minutes: the least and the most.
-    Raises ValueError with less than two rivals, or without record and noise.
+    Each design is simulated with each rival.  The expected evidence is the part of its outputs that another rival
+    cannot imitate with its effect, coefficients and starts refitted.  record: the one that they all explain; it limits
+    the refit and gives the channels and the noise.  noise: of the sensors, instead of the record's.  minutes: the
+    shortest and longest experiment.
+    Raises ValueError with fewer than two rivals, or without record and noise.
     """
     if len(rivals) < 2:
         raise ValueError(f"An experiment tells at least two explanations apart, got {len(rivals)}.")
@@ -131,7 +132,7 @@ def next_experiment(
 
 
 def minutes_of(plant: Plant) -> tuple[float, float]:
-    """How long an experiment with a vehicle should at least, and may at most, take."""
+    """The shortest and the longest sensible experiment with a vehicle, min."""
     return KINDS.of(plant.family).minutes(plant)
 
 
@@ -140,7 +141,7 @@ def _order(proposal: Proposal) -> tuple[float, float, bool]:
 
 
 def write_experiment(proposal: Proposal, plant: Plant, rivals: Sequence[Rival], folder: Path, name: str = FILE) -> Path:
-    """Write a design as a campaign over the rivals, with their vehicle files beside it; the campaign file's path."""
+    """Write a design as a campaign over the rivals, with their vehicle files; returns the campaign file's path."""
     length = proposal.minutes if np.isfinite(proposal.minutes) else minutes_of(plant)[1]
     files = [f"{Path(name).stem}_{number + 1}.toml" for number in range(len(rivals))]
     for rival, file in zip(rivals, files, strict=True):
@@ -157,7 +158,7 @@ def write_experiment(proposal: Proposal, plant: Plant, rivals: Sequence[Rival], 
 
 
 def words(proposals: Sequence[Proposal]) -> str:
-    """What to do next, in a sentence."""
+    """What to do next, in one sentence."""
     best = proposals[0]
     if not np.isfinite(best.minutes):
         pair = " and ".join(best.pair) or "these effects"
@@ -176,7 +177,7 @@ def _proposal(
     minutes: tuple[float, float],
     seed: int,
 ) -> Proposal:
-    """What a design promises, by simulations of `length` minutes; what is told of one rival is told of the other."""
+    """The promise of a design, from simulations of `length` minutes; each pair of rivals is compared one way only."""
     least, pair, simulated = inf, ("", ""), 0.0
     for i, rival in enumerate(rivals[:-1]):
         runs = _flown(design, plant, rival.plant, length, seed)
@@ -192,7 +193,7 @@ def _proposal(
 
 
 def _flown(design: Design, plant: Plant, truth: Plant, minutes: float, seed: int) -> list[Record] | str:
-    """The records of a design's runs with a plant, or why there are none."""
+    """The records of a design's runs with a plant, or the reason why there are none."""
     with tempfile.TemporaryDirectory(prefix="auv-gym-") as aside:
         folder = Path(aside)
         try:
@@ -206,7 +207,7 @@ def _flown(design: Design, plant: Plant, truth: Plant, minutes: float, seed: int
 
 
 def _run(settings: RunSettings, truth: Plant, folder: Path) -> Record:
-    """The record of one run of a campaign, with the true states; raises where it was cut short."""
+    """The record of one run of a campaign, with the true states; raises if the run was cut short."""
     experiment = settings.experiment
     if not isinstance(experiment, EnvExperiment):
         exact = truth if mission_of(truth).sampled else replace_at(truth, dict.fromkeys(sampling_of(truth), 0.0))
@@ -220,7 +221,7 @@ def _run(settings: RunSettings, truth: Plant, folder: Path) -> Record:
 
 
 def _tables(design: Design, plant: Plant, minutes: float) -> dict:
-    """The design's tables for a whole number of samples."""
+    """The design's campaign tables, for a whole number of samples."""
     return design.tables(plant, float(max(round(60.0 * minutes / plant.dt), 10)) * plant.dt)
 
 

@@ -1,4 +1,4 @@
-"""By how much evidence an experiment would tell two explanations apart, from simulations of both."""
+"""The evidence by which an experiment would tell two explanations apart, from simulations of both."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from identification.fit.colour import colour, whitened
 from identification.fit.shooting import Point, Shooting
 from identification.fit.windows import free_run_windows
 
-_REFITS = 3  # steps of Gauss and Newton; the rivals start close to each other's data
-_WORTH = 0.01  # of the evidence that is left: a step that gains less is the last
+_REFITS = 3  # Gauss-Newton steps; the rivals start close to each other's data
+_WORTH = 0.01  # of the remaining evidence: a step that gains less is the last
 
 
 @dataclass(frozen=True)
 class Noise:
-    """What the sensors and the sea add, by channel: standard deviation and first-order correlation at `dt`, s."""
+    """Noise of the sensors and the sea by channel: standard deviation, and first-order correlation at `dt`, s."""
 
     sigma: Mapping[str, float]
     colour: Mapping[str, float]
@@ -33,10 +33,10 @@ class Noise:
 
 @dataclass(frozen=True, eq=False)
 class Knowledge:
-    """What a record says about the fitted parameters of one explanation.
+    """The information in a record about the fitted parameters of one explanation.
 
-    values: (P,), of the paths.  root: (P, P), of the information about them in units of the scales; its rows weigh
-    how far they leave these values.
+    values: (P,), of the paths.  root: (P, P), square root of the information matrix in units of the scales; its rows
+    penalise departures from these values.
     """
 
     paths: tuple[str, ...]
@@ -45,7 +45,7 @@ class Knowledge:
 
 
 def record_noise(plant: Plant, record: Record, windows: Sequence[slice]) -> Noise:
-    """The noise of a record's channels: what a plant that explains it leaves."""
+    """The noise of a record's channels: the residual of a plant that explains it."""
     problem = Shooting(plant, record, windows)
     point = problem.solve(plant, ())
     sigma, phi = problem.sigma(point), colour(problem, point)
@@ -56,7 +56,7 @@ def record_noise(plant: Plant, record: Record, windows: Sequence[slice]) -> Nois
 def record_knowledge(
     plant: Plant, paths: Sequence[str], record: Record, windows: Sequence[slice], noise: Noise
 ) -> Knowledge:
-    """What a record says about the parameters at the paths, at a plant that was fitted to it."""
+    """The information in a record about the parameters at the paths, at a plant that was fitted to it."""
     problem = Shooting(plant, record, windows)
     point = problem.solve(plant, ())
     sigma, phi = _levels(problem, noise, record.sample_interval)
@@ -75,10 +75,10 @@ def separation(
     noise: Noise,
     known: Knowledge | None = None,
 ) -> float:
-    """Evidence to be expected against `other`, refitted over the paths, in runs of `truth`.
+    """The evidence to be expected against `other`, refitted over the paths, in runs of `truth`.
 
-    records: of the experiment, from which the inputs and the first state are taken; the outputs are simulated anew
-    without noise.  known: holds the refit to what an earlier record says.
+    records: of the experiment; their inputs and first states are used, and the outputs are simulated again without
+    noise.  known: ties the refit to an earlier record.
     """
     problems = [_problem(record, truth, other, noise) for record in records]
     if any(problem is None for problem in problems):
@@ -111,7 +111,7 @@ def separation(
 
 
 def _problem(record: Record, truth: Plant, other: Plant, noise: Noise) -> Shooting | None:
-    """The shooting problem of `other` in noise-free outputs of `truth` over the inputs of a record."""
+    """The shooting problem of `other` on noise-free outputs of `truth` under the inputs of a record."""
     names = [name for name in truth.outputs if name in noise.sigma]
     inputs = {name: record[name] for name in truth.inputs if record.has(name)}
     told = outputs_of(truth, record)
@@ -124,7 +124,7 @@ def _problem(record: Record, truth: Plant, other: Plant, noise: Noise) -> Shooti
         pieces.append(truth.run(record, [segment], start[None]))
     outputs = np.concatenate(pieces)
     channels = {name: outputs[:, truth.outputs.index(name)] for name in names}
-    # inputs that the vehicle feels and that were true along the way stay as they were recorded
+    # inputs that are measured motions stay as they were recorded
     segment = record.dataset["segment"].values
     clean = Record.from_arrays(record.time, {**inputs, **channels}, segment=segment)
     longest = max(float(np.ptp(clean.time[part])) for part in clean.segments)
@@ -140,7 +140,7 @@ def _levels(problem: Shooting, noise: Noise, dt: float) -> tuple[np.ndarray, np.
 
 
 def _whitened_parts(problem: Shooting, point: Point, paths: tuple[str, ...], sigma: np.ndarray, phi: np.ndarray):
-    """Residual (rows, C) and columns of the paths (P, rows, C), whitened, without what the starts can imitate."""
+    """Whitened residual (rows, C) and columns of the paths (P, rows, C), minus the part that the starts can imitate."""
     linear = problem.linearise(point, paths, sigma)
     innovation = np.sqrt(1.0 - phi**2)
     white = whitened(problem, np.concatenate([(point.residual / sigma)[None], linear.columns]), phi) / innovation
@@ -154,13 +154,13 @@ def _whitened_parts(problem: Shooting, point: Point, paths: tuple[str, ...], sig
 
 
 def _scaled(columns: np.ndarray) -> np.ndarray:
-    """Columns of length one, without those of no length."""
+    """The columns scaled to unit length; columns of length zero are dropped."""
     norms = np.linalg.norm(columns, axis=0)
     return columns[:, norms > 1e-9] / norms[norms > 1e-9]
 
 
 def _restarted(problem: Shooting, point: Point, sigma: np.ndarray) -> Point:
-    """The point with the starts that suit its parameters best, by one step."""
+    """The point with the starts that suit its parameters best, by one least-squares step."""
     if not np.isfinite(point.cost) or not problem.start_states.size:
         return point
     linear, starts = problem.linearise(point, (), sigma), point.starts.copy()
