@@ -1,1 +1,1 @@
-"""Pages and figures that a person reads."""
+"""Pages and figures for readers."""

@@ -1,4 +1,4 @@
-"""Figures of a diagnosis as inline SVG: the log, the runs of the model over it, what remains, the track.
+"""Figures of a diagnosis as inline SVG: the log, the model's runs over it, the residuals, the track.
 
 Needs the extra `render`. A function takes a Diagnosis and returns a matplotlib Figure; `svg` turns that into text.
 """
@@ -46,11 +46,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 GIVEN = "#9a8fb0"
-PART_SHADES, SETTLE_SHADE = ("#f7f3e8", "#dbe8f4"), "#ececec"  # of the parts of a log in turn
+PART_SHADES, SETTLE_SHADE = ("#f7f3e8", "#dbe8f4"), "#ececec"  # alternating shades for the parts of a log
 CONTEXT = ("depth_m", "pitch_rad", "roll_rad", "u_mps", "w_mps", "altitude_m")
 CLEAR = 0.1  # correlation below which a signal is not worth a picture
-DOTS = 500  # of a scatter
-_TALL, _LOW = 36, 17  # characters that have room beside a panel of the close-up
+DOTS = 500  # in a scatter plot
+_TALL, _LOW = 36, 17  # characters that fit beside a panel of the close-up
 
 
 def svg(draw: Callable[[Diagnosis], Figure], diagnosis: Diagnosis, name: str, label: str) -> str:
@@ -59,7 +59,7 @@ def svg(draw: Callable[[Diagnosis], Figure], diagnosis: Diagnosis, name: str, la
 
 
 def log_figure(d: Diagnosis) -> Figure:
-    """Measured outputs, inputs and context over time, with the windows of the parts of the log shaded."""
+    """Measured outputs, inputs and auxiliary signals over time, with the windows of the log's parts shaded."""
     record, plant = d.record, d.given.plant
     outputs = list(d.after.every.channels)
     inputs = [n for n in plant.inputs if record.has(n) and drives(n, plant.family.required)]
@@ -98,13 +98,13 @@ def log_figure(d: Diagnosis) -> Figure:
 
 
 def drives(name: str, required: Collection[str]) -> bool:
-    """Whether an input is a command, or another signal without which the vehicle cannot be simulated, but no motion."""
+    """Whether an input is a command or another signal required for simulation, and not a motion."""
     kind = channel(name).kind
     return kind == "input" or (name in required and kind != "motion")
 
 
 def overview_figure(d: Diagnosis) -> Figure:
-    """Free runs of the model in all windows over the measured outputs; the first one in strips."""
+    """The model's free runs in all windows over the measured outputs; the first output is drawn in strips."""
     names, clock = d.after.every.channels, Clock(d.record)
     strips = int(np.clip(round(sum(len(w) for w in d.windows) / 15), 1, 4))
     heights = [1.45] * strips + [1.15] * (len(names) - 1)
@@ -132,7 +132,7 @@ def overview_figure(d: Diagnosis) -> Figure:
 
 
 def zoom_figure(d: Diagnosis) -> Figure:
-    """An output and the first input in two or three windows, unseen: worst before, typical, worst after."""
+    """An output and the first input in up to three unseen windows: worst before, a typical one, worst after."""
     picked, record, name = example_windows(d), d.record, most_improved(d)
     output = d.after.unseen.channels.index(name)
     driver = (*d.given.plant.family.required, *d.given.plant.inputs)[0]
@@ -169,7 +169,7 @@ def zoom_figure(d: Diagnosis) -> Figure:
 
 
 def growth_figure(d: Diagnosis) -> Figure:
-    """Root mean square error in unseen parts against the time since the window's start, per output."""
+    """RMS error in unseen parts against the time since the window's start, per output."""
     names = d.after.unseen.channels
     figure = new_figure(2.9 * ((len(names) + 1) // 2))
     panels = grid(figure, len(names), 2)
@@ -245,7 +245,7 @@ def residual_figure(d: Diagnosis) -> Figure:
 
 
 def autocorrelation_figure(d: Diagnosis) -> Figure:
-    """Autocorrelation of what remains, per output, with the band in which 95 % of a white residual's would lie."""
+    """Autocorrelation of the residual, per output, with the 95 % band of a white residual."""
     names = d.after.fitted.channels
     figure = new_figure(2.5 * ((len(names) + 1) // 2))
     panels = grid(figure, len(names), 2)
@@ -267,7 +267,7 @@ def autocorrelation_figure(d: Diagnosis) -> Figure:
 
 
 def input_correlation_figure(d: Diagnosis) -> Figure:
-    """Correlation of what remains of the least explained output with each varying input, at lags of either sign."""
+    """Correlation of the least explained output's residual with each varying input, at positive and negative lags."""
     runs, names = d.after.fitted, varying_inputs(d)
     output = runs.channels.index(least_explained(d))
     figure = new_figure(2.35 * ((len(names) + 1) // 2) + 0.3)
@@ -293,7 +293,7 @@ def input_correlation_figure(d: Diagnosis) -> Figure:
 
 
 def correlate_figure(d: Diagnosis) -> Figure:
-    """Rate of what remains of an output against the signal that it correlates with most, and its trend."""
+    """Rate of an output's residual against the signal that it correlates with most, with its trend."""
     names = correlated_outputs(d)
     figure = new_figure(2.8 * ((len(names) + 1) // 2))
     panels = grid(figure, len(names), 2)
@@ -319,7 +319,7 @@ def correlate_figure(d: Diagnosis) -> Figure:
 
 
 def example_windows(d: Diagnosis) -> list[tuple[str, int]]:
-    """Two or three different windows by what unseen runs show there: title and number among all windows."""
+    """Two or three different windows, chosen by unseen runs: their titles and numbers among all windows."""
     output = d.after.unseen.channels.index(most_improved(d))
     drawn = series(d)
     before, after = (_window_errors(stage.unseen, output) for stage in (drawn[0][1], drawn[-1][1]))
@@ -341,7 +341,7 @@ def example_windows(d: Diagnosis) -> list[tuple[str, int]]:
 
 
 def most_improved(d: Diagnosis) -> str:
-    """The output whose error in unseen parts shrank most; the first where nothing was added to the vehicle."""
+    """The output whose error in unseen parts shrank most; the first output if nothing was added to the vehicle."""
     names = d.after.unseen.channels
     if not d.changed:
         return names[0]
@@ -349,7 +349,7 @@ def most_improved(d: Diagnosis) -> str:
 
 
 def least_explained(d: Diagnosis) -> str:
-    """The output of which most is left, in noise floors."""
+    """The output with the largest residual relative to its noise floor."""
     return max(d.after.fitted.channels, key=lambda name: d.remains[name]["rms"] / d.remains[name]["noise_floor"])
 
 
@@ -362,7 +362,7 @@ def correlated_outputs(d: Diagnosis) -> list[str]:
 
 
 def error_growth(runs: FreeRuns, record: Record, window: float, output: int) -> tuple[np.ndarray, np.ndarray]:
-    """Time since the window's start, s, and RMS residual of an output around it, both (bins,)."""
+    """Time since the window's start, s, and RMS residual of an output around that time, both (bins,)."""
     time = record.time[runs.rows]
     first = np.r_[True, runs.window[1:] != runs.window[:-1]]
     since = time - time[first][np.cumsum(first) - 1]
@@ -378,8 +378,8 @@ def error_growth(runs: FreeRuns, record: Record, window: float, output: int) -> 
 
 
 def series(d: Diagnosis) -> list[tuple[str, Stage, dict[str, Any]]]:
-    """What to draw of the model: name, stage and look; one entry where nothing was added to the vehicle."""
-    before = {"color": BEFORE, "linewidth": 2.2, "linestyle": (0, (4, 1.2))}  # wider, to be seen below the other
+    """The model's lines to draw: name, stage and look; a single line if nothing was added to the vehicle."""
+    before = {"color": BEFORE, "linewidth": 2.2, "linestyle": (0, (4, 1.2))}  # wider, to show below the other
     after = {"color": AFTER, "linewidth": 1.3}
     if d.changed:
         first = "model as given" if d.before is d.given else "model before"
@@ -394,14 +394,14 @@ def varying_inputs(d: Diagnosis) -> list[str]:
 
 
 def signal_label(label: str) -> str:
-    """The words for a signal of `remains`: a channel's name, or its sine or cosine."""
+    """The words for a signal of `remains`: a channel, or its sine or cosine."""
     found = re.fullmatch(r"(sin|cos)\((\w+)\)", label)
     words = {"sin": "sine", "cos": "cosine"}
     return f"{words[found[1]]} of {channel(found[2]).label}" if found else quantity_label(label)
 
 
 def _runs(axes, d: Diagnosis, name: str, clock: Clock, span: tuple[float, float]) -> None:
-    """The measured output and the free runs of the windows that touch a span of time."""
+    """Draw the measured output and the free runs of the windows that overlap a span of time."""
     record, output = d.record, d.after.every.channels.index(name)
     inside = np.flatnonzero((clock.times >= span[0]) & (clock.times <= span[1]))
     cuts = np.flatnonzero(np.isin(inside, clock.cuts))
@@ -441,7 +441,7 @@ def _nearest_turn(name: str, model: np.ndarray, measured: np.ndarray) -> np.ndar
 
 
 def _shade(axes, d: Diagnosis, clock: Clock, span: tuple[float, float] | None = None) -> None:
-    """The windows as bands over the whole height, in shades that alternate by part."""
+    """Draw the windows as bands over the whole height, in shades that alternate by part."""
     low, high = span or (-np.inf, np.inf)
     for number, windows in enumerate(d.windows):
         bars = [(clock.times[w.start], clock.times[w.stop - 1] - clock.times[w.start]) for w in windows]
@@ -457,7 +457,7 @@ def _shade(axes, d: Diagnosis, clock: Clock, span: tuple[float, float] | None = 
 
 
 def _window_words(d: Diagnosis) -> list[str]:
-    """What each shade is: windows of the parts 1, 3, 5 and of 2, 4, 6."""
+    """The meaning of each shade: windows of parts 1, 3, 5 or of parts 2, 4, 6."""
     numbers = [str(k + 1) for k in range(len(d.windows))]
     return [f"windows of part{'s' * (len(own) > 1)} {', '.join(own)}" for own in (numbers[0::2], numbers[1::2]) if own]
 
@@ -471,14 +471,14 @@ def _window_patches(d: Diagnosis) -> list:
 
 
 def _window_errors(runs: FreeRuns, output: int) -> np.ndarray:
-    """Root mean square residual of an output in each window, (W,), over the scored rows."""
+    """RMS residual of an output in each window, (W,), over the scored rows."""
     keep = runs.scored & np.isfinite(runs.residual[:, output])
     squares = np.where(keep, runs.residual[:, output], 0.0) ** 2
     return np.sqrt(np.bincount(runs.window, squares) / np.maximum(np.bincount(runs.window, keep), 1))
 
 
 def _rate_against(d: Diagnosis, name: str, label: str) -> tuple[np.ndarray, np.ndarray]:
-    """A signal of `remains` and the rate of the residual per second, inside the windows, as people read them."""
+    """A signal of `remains` and the rate of the residual per second, inside the windows, in units for display."""
     runs = d.after.fitted
     residual = runs.residual[:, runs.channels.index(name)]
     rate = np.gradient(residual) / d.record.sample_interval

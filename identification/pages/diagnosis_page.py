@@ -48,7 +48,7 @@ MEANINGS = {
     "tied": "An effect is missing, but several causes would explain this log equally well.",
     "unexplained": "Log and model disagree, and no candidate effect of constant size explains the difference.",
 }
-# Key in the template, function, words for who cannot see it, words below it.
+# Key in the template, function, text for screen readers, caption.
 PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
     (
         "log",
@@ -147,9 +147,9 @@ GLOSSARY = {
 
 
 def diagnosis_page(diagnosis: Diagnosis, extras: Extras | None = None) -> str:
-    """The report as the text of one HTML page, which needs no other file and no network.
+    """The report as the text of one self-contained HTML page.
 
-    extras: takes the pictures that cannot be drawn; the page says which and why in their place.  Raises ImportError,
+    extras: collects pictures that cannot be drawn; the page says in their place which and why.  Raises ImportError,
     with the command to run, if the extra `render` is not installed.
     """
     require_render()
@@ -202,7 +202,7 @@ def _content(d: Diagnosis, extras: Extras) -> dict[str, Any]:
 
 def _titles(d: Diagnosis) -> dict[str, str]:
     paths = [p for r in d.rounds for t in r.trials for p in t.candidate.paths]
-    found = (*d.detectable, *d.coefficients, *d.added)  # added masses are no coefficients of the vehicle by themselves
+    found = (*d.detectable, *d.coefficients, *d.added)  # added masses are not coefficients of the vehicle by themselves
     paths += [*d.given.plant.coefficients, *(x.path for x in found)]
     return {p: spec_at(d.given.plant, p).title or p for p in paths}
 
@@ -235,7 +235,7 @@ def _figures(d: Diagnosis, extras: Extras) -> dict[str, Drawing | None]:
 
 
 def _errors(d: Diagnosis) -> list[dict[str, Any]]:
-    """Per output: words, error of each stage in unseen parts, and the reduction from before to after."""
+    """For each output: words, error of each stage in unseen parts, and the reduction from before to after."""
     refitted = "coefficients refitted"
     labels = {"before": refitted, "refitted": refitted, "after": f"with the {_additions(d)}"}
     rows = []
@@ -259,7 +259,7 @@ def _errors(d: Diagnosis) -> list[dict[str, Any]]:
 
 
 def _additions(d: Diagnosis) -> str:
-    """What the vehicle after has that the one before does not, in words."""
+    """The difference between the vehicles before and after, in words."""
     return "named effects" if d.effects else "effects" if d.alike else "term found in the data"
 
 
@@ -286,7 +286,7 @@ def _rest(d: Diagnosis) -> list[str]:
 
 
 def _facts(d: Diagnosis) -> list[tuple[str, str, str]]:
-    """Value, words and remark of each key number besides the errors."""
+    """Value, words and remark of each key number other than the errors."""
     facts = [
         (
             _longest_run(d),
@@ -302,7 +302,7 @@ def _facts(d: Diagnosis) -> list[tuple[str, str, str]]:
 
 
 def _explained(d: Diagnosis) -> str:
-    """The share that the effects explain; all of it only where tests find nothing left."""
+    """The share that the effects explain; all of it only if tests find nothing left."""
     share = f"{100.0 * max(d.explained, 0.0):.0f} %"
     return "> 99 %" if share == "100 %" and d.unexplained else share
 
@@ -342,7 +342,7 @@ def _log_facts(d: Diagnosis) -> str:
 
 
 def _remains(d: Diagnosis) -> list[tuple[str, str]]:
-    """Per output its words, and a paragraph: size, noise floor, memory, and what it correlates with."""
+    """For each output its words, and a paragraph: size, noise floor, memory, and what the residual correlates with."""
     texts = []
     for name in d.after.fitted.channels:
         r, unit = d.remains[name], channel(name).unit

@@ -1,4 +1,4 @@
-"""Tables of a report: candidates by round, effects, ties, coefficients, and what could have been seen."""
+"""Tables of a report: candidates by round, effects, ties, coefficients, and detectable sizes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def rounds_of(d: Diagnosis, titles: dict[str, str]) -> list[dict[str, Any]]:
     """The candidates of each round with their bars, for the tables."""
     sizes = [v for r in d.rounds for t in r.trials for v in (t.train, t.held) if isfinite(v)]
     low, high = min([0.0, *sizes]), max([1.5 * threshold(len(candidates_of(d.given.plant, d.record))), *sizes])
-    low = max(low, -0.5 * high)  # one bad candidate shall not flatten the good ones
+    low = max(low, -0.5 * high)  # limits the scale, so that one bad candidate does not flatten the good ones
     zero = 100.0 * -low / (high - low)
     rounds, added = [], []
     for number_, r in enumerate(d.rounds, 1):
@@ -123,14 +123,14 @@ def effect_of(d: Diagnosis, e: Effect, titles: dict[str, str]) -> dict[str, Any]
 
 
 def _interval_si(e: Effect) -> str:
-    """The interval of an effect in SI, where people read it in another unit."""
+    """The interval of an effect in SI, if it is displayed in another unit."""
     if for_people(e.unit)[1] == e.unit:
         return ""
     return typeset(f"{number(e.ci95[0])} to {number(e.ci95[1])} {e.unit}")
 
 
 def _percent(probability: float | None) -> str:
-    """A probability for people, or nothing."""
+    """A probability as a percentage, or nothing."""
     return "" if probability is None else f"{100.0 * probability:.0f} %"
 
 
@@ -150,7 +150,7 @@ def _alternative(d: Diagnosis, path: str, titles: dict[str, str]) -> dict[str, s
 
 
 def by_coefficient(d: Diagnosis, titles: dict[str, str]) -> list[tuple[str, str]]:
-    """Effects that no round chose but a coefficient's change revealed, each with that coefficient, in words."""
+    """Effects inferred from a coefficient's change instead of chosen in a round, each with that coefficient."""
     chosen = {p for r in d.rounds if r.chosen for p in r.chosen.candidate.paths}
     moved = {c.path for c in d.coefficients}
     pairs = ((e, next((p for p in e.tied_with if p in moved), "")) for e in d.added if e.path not in chosen)
@@ -158,7 +158,7 @@ def by_coefficient(d: Diagnosis, titles: dict[str, str]) -> list[tuple[str, str]
 
 
 def ties_of(d: Diagnosis, titles: dict[str, str]) -> list[dict[str, Any]]:
-    """Each group that the record cannot tell apart, in words, with what another log would need."""
+    """Each group that the record cannot tell apart, in words, and what another log would have to contain."""
     apart = {path: spec_at(d.given.plant, path).apart for group in d.tied for path in group}
     return [
         {
@@ -178,7 +178,7 @@ def coefficient_of(c: Coefficient) -> dict[str, str]:
 
 
 def in_order(items: Sequence[Detectable], plant: Plant) -> list[Detectable]:
-    """By size in probes, what cannot be seen last."""
+    """The candidates by size in probes; those that cannot be detected come last."""
     return sorted(items, key=lambda x: (not isfinite(x.size), x.size / (spec_at(plant, x.path).probe or 1.0)))
 
 
@@ -202,7 +202,7 @@ def detectable_of(d: Diagnosis, x: Detectable, titles: dict[str, str]) -> dict[s
 
 
 def worded(text: str, titles: dict[str, str]) -> str:
-    """A text with the words for each path in it."""
+    """The text with each path replaced by its title."""
     for path in sorted(titles, key=len, reverse=True):
         text = text.replace(path, titles[path])
     return text

@@ -19,11 +19,11 @@ from auv_gym.records.record import Record
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Okabe and Ito's palette, told apart with every common colour blindness; before and after differ in line style too.
+# Okabe and Ito's palette is safe for common colour blindness; before and after also differ in line style.
 INK, QUIET, GRID = "#22303c", "#5b6b78", "#d9e0e6"
 MEASURED, BEFORE, AFTER, INPUT, COMMAND = "#22303c", "#d55e00", "#0072b2", "#00785a", "#8a97a3"
-POINTS = 1200  # of a line across the page, beyond which it is thinned
-WIDTH = 9.6  # inches, the width of the page at 100 points per inch
+POINTS = 1200  # of a line across the page; longer lines are thinned
+WIDTH = 9.6  # inches; the page is as wide at 100 points per inch
 STYLE: dict[Any, Any] = {
     "font.family": "sans-serif",
     "font.size": 9.5,
@@ -59,7 +59,7 @@ STYLE: dict[Any, Any] = {
 
 
 def require_render() -> None:
-    """Raises ImportError, with the command that installs them, if matplotlib or jinja2 is missing."""
+    """Raise ImportError, with the command that installs them, if matplotlib or jinja2 is missing."""
     try:
         import jinja2  # noqa: F401
         import matplotlib  # noqa: F401
@@ -71,9 +71,9 @@ def require_render() -> None:
 
 
 def svg(draw: Callable[[], Figure], name: str, label: str) -> str:
-    """The SVG element of a figure, to be put into a page as it is: no namespaces, no size of its own.
+    """The SVG element of a figure, ready to be put into a page: without namespaces or a size of its own.
 
-    name: prefix of its ids, different for each figure of a page.  label: what a screen reader says.
+    name: prefix of its ids, different for each figure of a page.  label: text for screen readers.
     """
     require_render()
     import matplotlib
@@ -88,7 +88,7 @@ def svg(draw: Callable[[], Figure], name: str, label: str) -> str:
 
 
 def shown_values(name: str, values: np.ndarray) -> np.ndarray:
-    """The values of a channel as people read them: angles and their rates in degrees, volumes in millilitres."""
+    """The values of a channel for display: angles and their rates in degrees, volumes in millilitres."""
     unit = channel(name).unit
     if unit == "m3":
         return 1e6 * np.asarray(values)
@@ -102,15 +102,15 @@ def unit_label(name: str) -> str:
 
 
 def quantity_label(name: str) -> str:
-    """`heading, deg`: the words for a channel, and its unit if it has one."""
+    """`heading, deg`: the words for a channel, with its unit if it has one."""
     unit = unit_label(name)
     return channel(name).label if unit in ("", "1") else f"{channel(name).label}, {unit}"
 
 
 def thinned(values: np.ndarray, most: int, cuts: Sequence[int] | np.ndarray = ()) -> np.ndarray:
-    """Indices that keep the shape of a long line: smallest and largest value of each bucket.
+    """Indices that keep the shape of a long line: the smallest and the largest value of each bucket.
 
-    cuts: indices at which a new line begins.  The index `values.size` stands where one ends.
+    cuts: indices at which a new line begins.  The index `values.size` marks the end of a line.
     """
     parts = np.split(np.arange(values.size), np.asarray(cuts, dtype=int))
     bucket = int(np.ceil(2.0 * values.size / most))
@@ -162,7 +162,7 @@ def new_figure(height: float) -> Figure:
 
 
 def grid(figure: Figure, count: int, columns: int) -> list:
-    """The first `count` panels of a figure with so many columns."""
+    """The first `count` panels of a figure with `columns` columns."""
     rows = (count + columns - 1) // columns
     panels = figure.subplots(rows, columns if count > 1 else 1, squeeze=False).ravel()
     for axes in panels[count:]:
@@ -171,7 +171,7 @@ def grid(figure: Figure, count: int, columns: int) -> list:
 
 
 def band(axes, lags: np.ndarray, bound: float | np.ndarray) -> None:
-    """The band around zero in which noise stays, one step beyond the lags to either side."""
+    """Draw the band around zero that noise stays in, one step beyond the lags on either side."""
     step = lags[1] - lags[0] if lags.size > 1 else 1.0
     wide = np.r_[lags[0] - step, lags, lags[-1] + step]
     edge = np.pad(np.broadcast_to(bound, lags.shape), 1, mode="edge")
@@ -179,13 +179,13 @@ def band(axes, lags: np.ndarray, bound: float | np.ndarray) -> None:
 
 
 def line(axes, times: np.ndarray, values: np.ndarray, cuts, points: int = POINTS, **look) -> None:
-    """A line through (times, values), thinned, that is broken before each index in `cuts`."""
+    """Draw a line through (times, values), thinned, that is broken before each index in `cuts`."""
     keep = thinned(values, points, cuts)
     axes.plot(np.append(times, np.nan)[keep], np.append(values, np.nan)[keep], **look)
 
 
 def downwards(axes, name: str) -> None:
-    """The y axis turned over if it is depth, which grows downwards."""
+    """Invert the y axis for depth, which grows downwards."""
     if name == "depth_m":
         axes.invert_yaxis()
 
@@ -198,7 +198,7 @@ def patch(colour: str):
 
 
 def compass_ticks(axes) -> None:
-    """Ticks of a continuous heading as compass degrees, where it covers no more than two turns."""
+    """Label a continuous heading with compass degrees, if it covers at most two turns."""
     from matplotlib.ticker import FuncFormatter, MultipleLocator
 
     low, high = axes.get_ylim()
@@ -213,10 +213,10 @@ def compass_ticks(axes) -> None:
 
 
 def _inline(text: str, name: str, label: str) -> str:
-    """The SVG element alone, with ids of its own, two decimals in its paths and a label for screen readers."""
+    """The SVG element alone, with its own ids, two decimals in its paths and a label for screen readers."""
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>|<style.*?</style>", "", text, flags=re.DOTALL)
-    # matplotlib makes ids of clip paths from addresses in memory: numbers give the same page for the same diagnosis
+    # matplotlib derives ids of clip paths from memory addresses; numbers make the page reproducible
     for count, made in enumerate(dict.fromkeys(re.findall(r'\bid="([pm][0-9a-f]{10})"', text))):
         text = text.replace(made, f"c{count}")
     text = re.sub(r'\bid="', f'id="{name}-', text)

@@ -1,4 +1,4 @@
-"""The picture of what is left when nothing explains it: where it lives, and how it grows."""
+"""The figure of an unexplained residual: when and where it is large, and how it grows."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def habitat_figure(d: Diagnosis) -> Figure:
-    """Shares of squared error and samples by the quantity that it correlates with most, beside its growth in a run."""
+    """Shares of squared error and of samples over the quantity that the error correlates with most, and its growth."""
     habitat = d.habitat
     assert habitat is not None
     share = (habitat.found or tuple(sorted(habitat.shares, key=lambda s: s.p_value)))[0]

@@ -22,15 +22,15 @@ from identification.pages.model_figures import LOOKS, legend
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# fits are drawn with their errors, models as known
+# fits are drawn with their uncertainty, models without
 Models = Mapping[str, LinearFit | Polynomial | StateSpace]
 _HINT = "#b9c4cd"
 _DAMPINGS = (0.1, 0.3, 0.5, 0.7, 0.9)  # ratios
-_WHOLE = 1.15  # half the side of a picture with the whole unit circle
-_CLOSE = 1.0  # side of the square around all poles, below which the picture is of that alone
+_WHOLE = 1.15  # half the side of a panel that shows the whole unit circle
+_CLOSE = 1.0  # side of the square around all poles; if smaller, the panel shows only that square
 _FREQUENCIES = 300
-_SLOW, _SLOWEST = 300.0, 3e3  # times below the Nyquist frequency that a Bode diagram goes at least and at most
-_DELAY = 1e-6  # size of a pole in discrete time below which it is a delay
+_SLOW, _SLOWEST = 300.0, 3e3  # ratios of the Nyquist frequency to a Bode diagram's lowest frequency: usual and largest
+_DELAY = 1e-6  # magnitude of a discrete pole below which it is a pure delay
 _ALONE, _APART = (
     0.3,
     4.0,
@@ -39,9 +39,9 @@ _BEYOND_DB, _BEYOND_DEG = 20.0, 90.0  # that a band may widen a panel
 
 
 def pole_zero_figure(models: Models) -> Figure:
-    """Poles with their 95 % regions and zeros in the plane of discrete time, per output and input.
+    """Poles with their 95 % regions and zeros in the z-plane, per output and input.
 
-    A panel is of the surroundings of the poles where these are close together, else of the unit circle.  Grey lines:
+    If the poles are close together, a panel shows their surroundings; otherwise it shows the unit circle.  Grey lines:
     equal damping (solid) and equal natural frequency, rad/s (dashed).
     """
     fits = _fits(models)
@@ -77,7 +77,7 @@ def pole_zero_figure(models: Models) -> Figure:
 
 
 def bode_figure(models: Models, omega: np.ndarray | Sequence[float] | None = None) -> Figure:
-    """Gain and phase over the frequency, with 95 % bands, per output and input.
+    """Bode diagram with 95 % bands: gain and phase over frequency, per output and input.
 
     omega: rad/s; default from well below the slowest mode to the Nyquist frequency of each model.
     """
@@ -111,7 +111,7 @@ def bode_figure(models: Models, omega: np.ndarray | Sequence[float] | None = Non
 
 
 def _slowest(model: Polynomial | StateSpace) -> float:
-    """The frequency, rad/s, well below that of all of a model's modes but integrators."""
+    """A frequency well below all of a model's modes except integrators, rad/s."""
     discrete = np.linalg.eigvals((model.state_space if isinstance(model, Polynomial) else model).a).astype(complex)
     modes = np.abs(np.log(discrete[np.abs(discrete) > _DELAY])) / model.dt
     last = pi / model.dt
@@ -124,7 +124,7 @@ def _up_from(first: float, fit: LinearFit) -> np.ndarray:
 
 
 def pairs_of(models: Sequence[Polynomial | StateSpace]) -> list[tuple[str, str]]:
-    """Every output and input that one of the models has."""
+    """All pairs of output and input that at least one of the models has."""
     return list(dict.fromkeys((output, given) for m in models for output in m.outputs for given in m.inputs))
 
 
@@ -157,7 +157,7 @@ def _draw_poles(axes, poles: Sequence[PoleInterval], found: np.ndarray, name: st
 
 
 def _marks(fits: Mapping[str, LinearFit]) -> list:
-    """What the marks are that all models have, for the legend."""
+    """Legend entries for the marks that all models share."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -187,7 +187,7 @@ def _view(poles: Sequence[PoleInterval], found: Sequence[complex]) -> tuple[floa
 
 
 def _hints(axes, dt: float, centre: float, half: float) -> None:
-    """The unit circle, and lines of equal damping and of equal natural frequency with their values."""
+    """Draw the unit circle, and lines of equal damping and equal natural frequency with their values."""
     turn = np.exp(1j * np.linspace(-pi, pi, 2001))
     axes.plot(np.real(turn), np.imag(turn), color=INK, linewidth=0.9, zorder=1.4)
     axes.axhline(0.0, color=_HINT, linewidth=0.7, zorder=1.2)
@@ -221,7 +221,7 @@ def _hints(axes, dt: float, centre: float, half: float) -> None:
 
 
 def _hint(axes, curve: np.ndarray, text: str, style: Any, centre: float, half: float, at: float) -> None:
-    """A line and its mirror, named where it is so far through what can be seen of it."""
+    """Draw a line and its mirror image, labelled at this share of its visible part."""
     for part in (curve, curve.conj()):
         axes.plot(np.real(part), np.imag(part), color=_HINT, linewidth=0.6, linestyle=style, zorder=1.1)
     x, y = np.real(curve), np.imag(curve)
@@ -236,7 +236,7 @@ def _hint(axes, curve: np.ndarray, text: str, style: Any, centre: float, half: f
 
 
 def _round_step(size: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is no more than this."""
+    """The largest 1, 2 or 5 times a power of ten that is not larger than this."""
     power = 10.0 ** np.floor(np.log10(size))
     return float(max(k * power for k in (1.0, 2.0, 5.0) if k * power <= size * (1.0 + 1e-9)))
 
@@ -256,7 +256,7 @@ def _beyond(shown: Mapping[str, tuple[Sequence[PoleInterval], np.ndarray]], cent
 
 
 def _draw_response(top, bottom, bands: Mapping[str, ResponseBand], output: str, given: str) -> None:
-    """Gain in dB and phase in degrees of every model that has the pair."""
+    """Draw gain in dB and phase in degrees of every model that has the pair."""
     first: np.ndarray | None = None
     gains, phases, nyquist = [], [], 0.0
     for number, (name, band) in enumerate(bands.items()):
@@ -278,7 +278,7 @@ def _draw_response(top, bottom, bands: Mapping[str, ResponseBand], output: str, 
         for axes, values, (low, high), kept in ((top, gain, edges[0], gains), (bottom, phase - turn, edges[1], phases)):
             known = bool(np.isfinite(low).all()) and bool((high > low).any())
             if known:
-                far = 1e3  # beyond any panel, and finite for the path
+                far = 1e3  # beyond any panel, but finite for drawing
                 axes.fill_between(band.omega, np.maximum(low, values - far), np.minimum(high, values + far), **shown)
             axes.semilogx(band.omega, values, linewidth=1.4, label=name, **look)
             kept.append((values, low if known else values, high if known else values))

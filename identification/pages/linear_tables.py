@@ -1,4 +1,4 @@
-"""Tables of linear fits, as their page and the command line show them."""
+"""Tables of linear fits for their page and the command line."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _POLES = (
 
 
 def pole_table(poles: Sequence[PoleInterval]) -> Table:
-    """Poles as people think of them, with 95 % intervals, in one line each, for the command line."""
+    """Poles as frequency and damping with 95 % intervals, one line each, for the command line."""
     shown = _shown(poles)
     rows = []
     for pole in shown:
@@ -36,11 +36,11 @@ def pole_table(poles: Sequence[PoleInterval]) -> Table:
 
 
 def full_pole_table(poles: Sequence[PoleInterval]) -> Table:
-    """Poles in discrete and continuous time, with what they mean, and the 95 % interval of each below it."""
+    """Poles in discrete and continuous time, with their meaning, and the 95 % interval of each below it."""
     rows = []
     for pole in _shown(poles):
         frequency, damping, continuous = pole.natural_frequency, pole.damping, complex_words(pole.continuous)
-        known = not pole.fixed and not pole.problem  # said once, below the pole itself
+        known = not pole.fixed and not pole.problem  # otherwise, the reason stands once, below the pole itself
         rate, constant = (_limits(e, pole) if known else "" for e in (pole.rate, pole.time_constant))
         swing = [
             (f"{number(frequency.value)} rad/s", _limits(frequency, pole) if known else ""),
@@ -64,7 +64,7 @@ def full_pole_table(poles: Sequence[PoleInterval]) -> Table:
 
 
 def zero_table(model: Polynomial | StateSpace) -> Table:
-    """Zeros in discrete time, by output and input; outside the unit circle: the answer begins the wrong way."""
+    """Zeros in discrete time, by output and input; one outside the unit circle gives an inverse response."""
     rows = []
     for output in model.outputs:
         for given in model.inputs:
@@ -116,8 +116,9 @@ def _limits(estimate: Estimate, pole: PoleInterval) -> str:
 
 
 def order_table(search: OrderSearch) -> Table:
-    """What each criterion takes, by output; the one that was asked for first, as chosen.  Orders are left out where one
-    alone was tried.  The caption ends with `remarks`.
+    """The choice of each criterion, by output; the requested criterion comes first, as chosen.
+
+    Orders with a single value tried are left out.  The caption ends with `remarks`.
     """
     judged = "held_out" in search.criteria
     keys = [key for key in KEYS if len({getattr(cell, key) for cell in search.cells}) > 1]
@@ -134,6 +135,6 @@ def order_table(search: OrderSearch) -> Table:
 
 
 def _order(value: int | tuple[int, ...]) -> str:
-    """An order; of several inputs one number where it is the same for all."""
+    """An order; for several inputs, a single number if they all have the same."""
     values = value if isinstance(value, tuple) else (value,)
     return ", ".join(map(str, values[:1] if len(set(values)) == 1 else values))

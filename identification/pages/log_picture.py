@@ -1,4 +1,4 @@
-"""A picture of a log as it is met for the first time: all recognised signals over time, those of one kind together."""
+"""A first picture of a log: all recognised signals over time, grouped by quantity or unit."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ _COLOURS = ("#22303c", "#d55e00", "#0072b2", "#00785a", "#cc79a7", "#8a97a3")
 
 
 def draw_log(look: FirstLook, path: str | Path) -> None:
-    """Write a picture of a log's signals over time, .png, .svg or .pdf by its ending, aside and then renamed.
+    """Write a picture of a log's signals over time as .png, .svg or .pdf; it is written aside, then renamed.
 
-    Raises ValueError where nothing was recognised, and on another ending; ImportError without the extra `render`.
+    Raises ValueError if nothing was recognised, or for another ending; ImportError without the extra `render`.
     """
     require_render()
     ending = Path(path).suffix.lower().lstrip(".")

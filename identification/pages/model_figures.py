@@ -1,4 +1,4 @@
-"""Figures of models: their runs beside the vehicle's, predictions over the horizon, and tests of what they leave.
+"""Figures of models: their runs beside the vehicle's, prediction error over the horizon, and residual tests.
 
 Needs the extra `render`.
 """
@@ -33,7 +33,7 @@ from identification.pages.page import Drawing, drawn
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Models in the order in which they come; colours and line styles differ both.
+# Looks of the models in order of appearance; both colours and line styles differ.
 LOOKS: tuple[dict[str, Any], ...] = (
     {"color": "#0072b2", "linestyle": "-"},
     {"color": "#d55e00", "linestyle": (0, (5, 1.4))},
@@ -42,9 +42,9 @@ LOOKS: tuple[dict[str, Any], ...] = (
     {"color": "#b07d00", "linestyle": (0, (8, 2))},
 )
 BAND = "#b8d4e8"
-_EDGES = 400  # points of a band's edge
-_WIDENED = 0.5  # share of a panel's height by which a band may widen it at most
-_SHOWN = 1e-5  # of the largest error; what is smaller is rounding
+_EDGES = 400  # points along the edge of a band
+_WIDENED = 0.5  # share of a panel's height by which a band may extend it
+_SHOWN = 1e-5  # of the largest error; smaller errors are rounding
 
 
 def rollout_figure(
@@ -54,9 +54,10 @@ def rollout_figure(
     words: str,
     bands: Mapping[str, Mapping[str, np.ndarray]] | None = None,
 ) -> Figure:
-    """Outputs of the vehicle and of the models in its place, over one another, and below each the models' errors.
+    """Outputs of the vehicle and of the models in its place in one panel, and the models' errors below.
 
-    words: what the black line is.  bands: by model and output the 95 % half width around the model's line, (n,).
+    words: the meaning of the black line.  bands: by model and output, the 95 % half width around the model's line,
+    (n,).
     """
     clock = Clock(truth)
     figure = new_figure(2.35 * len(names) + 0.8)
@@ -81,7 +82,7 @@ def rollout_figure(
                 cuts = clock.cuts[clock.cuts < values.size]
                 line(top, clock.times[rows], shown_values(name, values[rows]), cuts, linewidth=1.3, label=label, **look)
                 line(bottom, clock.times[rows], shown_values(name, error), cuts, linewidth=1.0, **look)
-        for label, of in (bands or {}).items():  # after all lines, which say how far a panel goes
+        for label, of in (bands or {}).items():  # after all lines, which determine the range of a panel
             if name in of and models[label].has(name):
                 values, rows = models[label][name], slice(0, min(len(models[label]), len(truth), of[name].size))
                 half, cuts = shown_values(name, of[name][rows]), clock.cuts[clock.cuts < rows.stop]
@@ -100,7 +101,7 @@ def rollout_figure(
 
 
 def _shade(axes, times: np.ndarray, middle: np.ndarray, half: np.ndarray, cuts: np.ndarray) -> None:
-    """A band, which may widen its panel only so far that the lines in it can still be read."""
+    """Draw a band; it may extend its panel only as far as the lines stay readable."""
     low, high = axes.get_ylim()
     room = _WIDENED * (high - low)
     for part in np.split(np.arange(times.size), cuts):
@@ -112,7 +113,7 @@ def _shade(axes, times: np.ndarray, middle: np.ndarray, half: np.ndarray, cuts: 
 
 
 def horizon_figure(sweeps: Mapping[str, Mapping[str, Mapping[float, float]]]) -> Figure:
-    """Root mean square error of predictions over how far ahead they look, per output, a line for each model.
+    """RMS prediction error against the horizon, per output, one line for each model.
 
     sweeps: model -> channel -> horizon in s -> error in SI.
     """
@@ -141,7 +142,7 @@ def horizon_figure(sweeps: Mapping[str, Mapping[str, Mapping[float, float]]]) ->
 
 
 def autocorrelation_figure(tests: Mapping[str, Mapping[str, Any]]) -> Figure:
-    """Autocorrelation of what each model leaves, per output, with the band in which 95 % of noise would lie.
+    """Autocorrelation of each model's residual, per output, with the 95 % band of white noise.
 
     tests: model -> channel -> {"lags_s", "correlation", "bound"}.
     """
@@ -164,7 +165,7 @@ def autocorrelation_figure(tests: Mapping[str, Mapping[str, Any]]) -> Figure:
 
 
 def input_correlation_figure(tests: Mapping[str, Mapping[str, Any]]) -> Figure:
-    """Correlation of what each model leaves with each input, per output and input, at lags of either sign.
+    """Correlation of each model's residual with each input, per output and input, at positive and negative lags.
 
     tests: model -> channel -> {"inputs": input -> {"lags_s", "correlation", "bound"}}.
     """
@@ -189,7 +190,7 @@ def input_correlation_figure(tests: Mapping[str, Mapping[str, Any]]) -> Figure:
 
 
 def residual_drawings(tests: Mapping[str, Mapping[str, Any]]) -> list[Drawing]:
-    """What `residual_tests` found, drawn: of several models, by name."""
+    """Figures of the results of `residual_tests`, by model if there are several."""
     drawings = [
         drawn(
             lambda: autocorrelation_figure(tests),
@@ -215,13 +216,13 @@ _NONE: dict[str, Any] = {"inputs": {}}
 
 
 def looks(count: int, every: Sequence[str] = (), drawn: Sequence[str] = ()) -> list[dict[str, Any]]:
-    """A look for each of `count` models; of the drawn ones, each the same as in a figure of every one."""
+    """A look for each of `count` models; models named in `drawn` look the same as in a figure of `every` model."""
     found = [LOOKS[i % len(LOOKS)] for i in range(count)]
     return [found[list(every).index(name)] for name in drawn] if every else found
 
 
 def legend(figure: Figure, panels: Iterable[Any], further: Sequence[Any] = ()) -> None:
-    """One legend for all panels, each entry once."""
+    """Draw one legend for all panels, with each entry once."""
     entries: dict[str, Any] = {}
     for axes in panels:
         for handle, label in zip(*axes.get_legend_handles_labels()):

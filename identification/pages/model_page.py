@@ -1,4 +1,4 @@
-"""The pages of `auv-gym identify` and `auv-gym compare`, and the tables that they and the command line print."""
+"""The pages of `auv-gym identify` and `auv-gym compare`, and the tables shared with the command line."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Section:
 
 
 def parameter_table(estimates: Sequence[Estimate]) -> Table:
-    """Each parameter with its value and 95 % interval; why some have none is said below."""
+    """Each parameter with its value and 95 % interval; the reason for a missing interval is given below."""
     problems = list(dict.fromkeys(e.problem for e in estimates if e.problem))
     rows = [(e.path, amount(e.value, e.unit), _interval(e, problems)) for e in estimates]
     caption = " ".join(f"({number}) {capital(problem)}." for number, problem in enumerate(problems, 1))
@@ -66,7 +66,7 @@ def parameter_table(estimates: Sequence[Estimate]) -> Table:
 
 
 def score_table(open_loop: OpenLoop) -> Table:
-    """Errors of free runs by output and model; of several models, for the outputs that more than one has."""
+    """Free-run errors by output and model; with several models, for the outputs that more than one of them has."""
     rows = []
     for name in outputs_of_several_models(open_loop.scores):
         for model, of in open_loop.scores.items():
@@ -78,7 +78,7 @@ def score_table(open_loop: OpenLoop) -> Table:
 
 
 def horizon_table(sweeps: Sweeps) -> Table:
-    """Root mean square errors of predictions, by output and model, one column a horizon in s."""
+    """RMS prediction errors by output and model, one column for each horizon in s."""
     horizons = sorted({k for of in sweeps.values() for errors in of.values() for k in errors})
     rows = []
     for name in outputs_of_several_models(sweeps):
@@ -93,14 +93,14 @@ def horizon_table(sweeps: Sweeps) -> Table:
 
 
 def outputs_of_several_models(found: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """The outputs that more than one model has, or all where there are none; found: model -> channel -> anything."""
+    """The outputs that more than one model has, or all if there are none; found: model -> channel -> anything."""
     names = [name for of in found.values() for name in of]
     shared = [name for name in dict.fromkeys(names) if names.count(name) > 1]
     return shared or list(dict.fromkeys(names))
 
 
 def residual_table(tests: Mapping[str, Mapping[str, Any]]) -> Table:
-    """Whiteness of the residual of each output, and the input that it correlates with most."""
+    """Whiteness of each output's residual, and the input that it correlates with most."""
     rows = []
     for name, test in tests.items():
         driver, size = strongest_input_correlation(test)
@@ -135,7 +135,7 @@ def identified_page(title: str, done: Identified, words: str) -> str:
 
 
 def outside_words(done: Identified) -> list[str]:
-    """How much of the held-out data is unlike what the model was trained on, of models that know it."""
+    """How much of the held-out data is unlike the training data, for models that know this."""
     model = done.fit.model
     trained = model.learned if isinstance(model, Plant) else model
     if not isinstance(trained, Trained) or done.open_loop is None:
@@ -166,7 +166,7 @@ def _page(title: str, eyebrow: str, found: Sequence[str], sections: Sequence[Sec
 
 
 def _parameter_section(fit: Fit) -> Section:
-    """Parameters, where there are any, and what the fit says in words."""
+    """The parameters, if there are any, and the remarks of the fit."""
     texts = [f"{capital(note)}." for note in notes_of(fit)]
     if texts and not fit.estimates:
         return Section("The fit", texts)

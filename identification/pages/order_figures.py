@@ -1,4 +1,4 @@
-"""Figures of a choice of orders: the error of every model of a search and what the criteria take, singular values.
+"""Figures of an order search: the error of every model and the criteria's choices; singular values.
 
 Needs the extra `render`.  Functions return a matplotlib Figure, for `figure.savefig`; `drawing.svg` turns it into text.
 """
@@ -20,16 +20,16 @@ if TYPE_CHECKING:
 
 _COLOURS = {"aic": "#d55e00", "mdl": "#0072b2", "bic": "#00785a", "held_out": "#b0558f", "parsimony": "#b07d00"}
 _MARKS = {"aic": "s", "mdl": "o", "bic": "D", "held_out": "^", "parsimony": "v"}
-_WRITTEN = 48  # cells of a map, up to which their values stand in them
-_DARK = 0.55  # of the scale of colours, below which white letters are read more easily
-_ROOM = 1.35  # of the y axis, over the largest value next to a choice
+_WRITTEN = 48  # most cells of a map whose values are printed in them
+_DARK = 0.55  # of the colour scale; white letters are used below it
+_ROOM = 1.35  # range of the y axis, over the largest value next to a choice
 
 
 def order_figure(search: OrderSearch) -> Figure:
-    """One-step error over the orders and criteria over the number of parameters, per output, choices marked.
+    """One-step error over the orders, and criteria over the number of parameters, per output, with choices marked.
 
-    The map has the best model of each n_a and n_b, whatever its n_c and delay.  Criteria are drawn as errors: the root
-    of AIC and MDL, for BIC that of exp(BIC / N), which orders models alike.  Models beyond the panel are worse.
+    The map has the best model for each n_a and n_b, over all n_c and delays.  Criteria are drawn as errors: the root of
+    AIC and MDL, and of exp(BIC / N), which ranks models like BIC.  Models beyond the panel are worse.
     """
     outputs = search.outputs
     judged = "held_out" in search.criteria
@@ -47,7 +47,7 @@ def order_figure(search: OrderSearch) -> Figure:
 
 
 def singular_value_figure(fit: Any) -> Figure:
-    """Singular values of a subspace fit, from which its order was chosen.  fit: with `singular_values` and `order`."""
+    """Singular values of a subspace fit, from which its order was chosen.  fit: has `singular_values` and `order`."""
     values = np.asarray(fit.singular_values, dtype=float)
     order = int(fit.order)
     figure = new_figure(2.9)

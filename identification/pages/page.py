@@ -1,4 +1,4 @@
-"""HTML pages of reports: one self-contained file, and how numbers with units read in it."""
+"""HTML pages of reports: one self-contained file each, with numbers and units formatted for readers."""
 
 from __future__ import annotations
 
@@ -56,10 +56,10 @@ def drawn(draw: Callable[[], Figure], name: str, label: str, caption: str) -> Dr
 
 @dataclass(frozen=True)
 class Table:
-    """A table of texts; of a cell that is a pair the second stands below the first.
+    """A table of texts; the second text of a pair goes below the first in the same cell.
 
-    words: how many columns come before those with numbers.  closing: how many come after them, with words again.
-    marked: rows that something is wrong with.
+    words: number of leading columns with words.  closing: number of trailing columns with words.
+    marked: rows with a problem.
     """
 
     heads: Sequence[str]
@@ -71,7 +71,7 @@ class Table:
 
 
 def number(value: float, digits: int = 3, sign: bool = False) -> str:
-    """A number with this many significant digits, without an exponent where it stays short; a true minus sign."""
+    """A number with this many significant digits, without an exponent if it stays short, and with a true minus sign."""
     if not isfinite(value):
         return "–"
     if value == 0.0:
@@ -83,31 +83,31 @@ def number(value: float, digits: int = 3, sign: bool = False) -> str:
 
 
 def amount(value: float, unit: str, sign: bool = False, digits: int = 3) -> str:
-    """A value with its unit as people read it: angles and their rates in degrees, volumes in millilitres."""
+    """A value with its unit for display: angles and their rates in degrees, volumes in millilitres."""
     scale, unit = for_people(unit)
     value *= scale
     return typeset(f"{number(value, digits, sign)} {'' if unit == '1' else unit}".strip())
 
 
 def percent(value: float) -> str:
-    """A percentage with no more digits than it is worth."""
+    """A percentage with as many digits as are meaningful."""
     return f"{number(value) if abs(value) >= 1.0 or not isfinite(value) else f'{value:.2f}'.replace('-', '−')} %"
 
 
 def chance(p: float) -> str:
-    """A probability; small ones are only told to be small."""
+    """A probability; small ones are only given as below a limit."""
     return f"{p:.2g}" if p >= 1e-4 else "< 0.0001"
 
 
 def span(limits: tuple[float, float], unit: str) -> str:
-    """An interval as people read it."""
+    """An interval for display."""
     texts = [[amount(limit, unit, digits=digits) for limit in limits] for digits in range(3, 8)]
-    low, high = next((pair for pair in texts if pair[0] != pair[1]), texts[0])  # a narrow one needs more digits
+    low, high = next((pair for pair in texts if pair[0] != pair[1]), texts[0])  # narrow intervals need more digits
     return f"{low.partition(' ')[0]} to {high}"
 
 
 def both(value: float, unit: str) -> str:
-    """An amount, and in brackets the same in SI where that differs."""
+    """An amount, followed by its SI value in brackets if that differs."""
     if for_people(unit)[1] != unit:
         return f"{amount(value, unit)} ({typeset(f'{number(value)} {unit}')})"
     return amount(value, unit)

@@ -1,4 +1,4 @@
-"""The page of `auv-gym tune`, and the tables that it and the command line print."""
+"""The page of `auv-gym tune`, and the tables that it shares with the command line."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from identification.pages.page import Table, amount, drawn, number, page, span
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_ROW = 2.5  # inches of a loop's panels
-_LISTED = 5  # drawn vehicles that could not be started
-_AS_USUAL = 1.01  # of the default interval: wider ones are worth a measurement
-_ACROSS = 3  # loops beside each other in 80 columns
+_ROW = 2.5  # inches of height for a loop's panels
+_LISTED = 5  # number of vehicles listed that could not be started
+_AS_USUAL = 1.01  # times the default interval; wider intervals make a measurement worthwhile
+_ACROSS = 3  # loops side by side in 80 columns
 _TOLD = 4  # parameters of the worst vehicle in its sentence
 
 
 def tuning_summary(found: Judged) -> list[str]:
-    """What came of it, in sentences."""
+    """The result of tuning, in sentences."""
     count, known = len(found.plants), len(found.intervals)
     drawn_from = f"drawn from the 95 % intervals of {known} parameter{'s' * (known != 1)}"
     over = f"the vehicle itself and {count - 1} vehicle{'s' * (count != 2)} {drawn_from}"
@@ -77,7 +77,7 @@ def _with_value(found: Judged, path: str, value: float) -> str:
 
 
 def _remedy(found: Judged) -> str:
-    """What to do about requirements that are not met."""
+    """Advice on requirements that are not met."""
     widths = {}
     for path, (low, high) in found.intervals.items():
         given = value_at(found.plant, path)
@@ -96,7 +96,7 @@ def _remedy(found: Judged) -> str:
 
 
 def requirement_table(found: Judged) -> Table:
-    """Each requirement of each loop: on the vehicle itself, the worst, and on how many vehicles it is met."""
+    """Each requirement of each loop: on the vehicle itself, the worst, and the number of vehicles that meet it."""
     rows, marked = [], []
     for name, requirement, value, met in found.verdicts():
         values = found.values(name, requirement.quantity)
@@ -107,7 +107,7 @@ def requirement_table(found: Judged) -> Table:
 
 
 def quantity_tables(found: Judged, across: int = _ACROSS) -> list[Table]:
-    """All quantities of each loop, on the vehicle itself and the worst; so many loops beside each other in a table."""
+    """All quantities of each loop, on the vehicle itself and the worst; `across` loops side by side in one table."""
     loops = tuple(found.loops)
     return [_quantity_table(found, loops[first : first + across]) for first in range(0, len(loops), across)]
 
@@ -165,7 +165,7 @@ def tuning_page(found: Judged) -> str:
 
 
 def tuning_figure(found: Judged) -> Figure:
-    """Gain, phase and step of each loop on all vehicles."""
+    """Gain, phase and step response of each loop on all vehicles."""
     figure = new_figure(_ROW * len(found.loops))
     panels = figure.subplots(len(found.loops), 3, squeeze=False)
     for (gain, phase, step), (name, of) in zip(panels, found.loops.items(), strict=True):
@@ -189,14 +189,14 @@ def tuning_figure(found: Judged) -> Figure:
 
 
 def _phase(loop: np.ndarray) -> np.ndarray:
-    """Degrees, continuous, between -360 and 0 deg where the gain is nearest to 1."""
+    """Continuous phase in degrees, between -360 and 0 where the gain is nearest to 1."""
     phase = np.rad2deg(np.unwrap(np.angle(loop)))
     at = int(np.argmin(np.abs(np.log(np.abs(loop)))))
     return phase - 360.0 * np.ceil(phase[at] / 360.0)
 
 
 def _looks(count: int, corners: int) -> list[dict[str, Any]]:
-    """How lines of the vehicle, of draws and of corners are drawn."""
+    """Line styles for the vehicle, for draws and for corners."""
     thin: dict[str, Any] = {"linewidth": 0.7, "alpha": 0.6}
     beyond = min(corners, count - 1)
     looks: list[dict[str, Any]] = [{"color": INK, "linewidth": 1.6}]
@@ -236,7 +236,7 @@ def _intervals_table(found: Judged) -> Table:
 
 
 def _loop(name: str) -> str:
-    """What a loop controls: `forward speed` of the forward speed through the water."""
+    """The quantity that a loop controls: `forward speed` for the forward speed through the water."""
     return channel(name).label.partition(" through ")[0]
 
 
