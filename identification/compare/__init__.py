@@ -1,1 +1,1 @@
-"""Models against records, and against the vehicle in its environment."""
+"""Comparison of models with records, and with the vehicle in its environment."""

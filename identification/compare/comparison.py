@@ -1,4 +1,4 @@
-"""Models against a record, running free, and against the vehicle in its environment under the same controller."""
+"""Comparison of models with a record, by free runs, and with the vehicle in its environment in closed loop."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ from identification.fit.validation import FreeRuns, Score, free_runs, head_windo
 from identification.fit.windows import free_run_windows
 from identification.recursive.diving_model import DivingModel, settled_starts
 
-SETTLE_SHARE = 0.05  # of the shortest window, of which starts are at least fitted
-MOST_ORIGINS = 200  # of the runs of a horizon sweep
+SETTLE_SHARE = 0.05  # of the shortest window; starts are fitted to at least this much
+MOST_ORIGINS = 200  # number of prediction origins in a horizon sweep
 _ITERATIONS = 10
-_LEAST_SHARE = 0.02  # of a step that is for the worse, to which it is cut before it is given up
-# Smallest singular value of the starts' sensitivity, relative, that counts: linear models are solved exactly; what the
-# others' outputs hardly show stays where `initial` puts it.
+_LEAST_SHARE = 0.02  # of a step that increases the error; it is given up when cut to this
+# Smallest relative singular value of the sensitivity to the starts that counts: linear models are solved exactly; in
+# others, a state that the outputs hardly show stays at its value from `initial`.
 _SEEN_LINEAR, _SEEN = 1e-9, 1e-3
 
 
@@ -49,8 +49,8 @@ _SEEN_LINEAR, _SEEN = 1e-9, 1e-3
 class OpenLoop:
     """Free runs of several models over the same windows of a record.
 
-    settle: s, of each window, to which its start is fitted and which is not scored.  runs: by model.  failed: why a
-    model has none, by model.
+    settle: s, at the beginning of each window; the start is fitted to it, and it is not scored.  runs: by model.
+    failed: by model, why it has no run.
     """
 
     record: Record
@@ -65,7 +65,7 @@ class OpenLoop:
         return {name: run.scores(self.record) for name, run in self.runs.items()}
 
     def shown(self, name: str | None = None) -> Record:
-        """The record in the windows, one segment each, with a model's outputs in place of the measured, or as it is."""
+        """The record in the windows, one segment each, as measured or with a model's outputs instead."""
         rows = np.concatenate([np.arange(w.start, w.stop) for w in self.windows])
         window = np.repeat(np.arange(len(self.windows)), [w.stop - w.start for w in self.windows])
         values = {channel_name: self.record[channel_name][rows] for channel_name in self.record.names}
@@ -78,9 +78,9 @@ class OpenLoop:
 
 @dataclass(frozen=True)
 class Deviation:
-    """How far a model's run in an environment is from the vehicle's.
+    """The deviation of a model's run in an environment from the vehicle's.
 
-    rmse: in the channel's unit.  percent: of the step asked for, or without one of the vehicle's range.
+    rmse: in the channel's unit.  percent: of the requested step, or of the vehicle's range if there was no step.
     """
 
     rmse: float
@@ -91,7 +91,7 @@ class Deviation:
 class ClosedLoop:
     """Runs of the vehicle and of models in its place, with the same controller, seed and targets.
 
-    scales: by channel, what counts as 100 %.  failed: why a model has no run, by model.
+    scales: by channel, the value of 100 %.  failed: by model, why it has no run.
     """
 
     vehicle: Run
@@ -101,11 +101,11 @@ class ClosedLoop:
 
     @property
     def deviations(self) -> dict[str, dict[str, Deviation]]:
-        """By model and channel, as far as both runs go."""
+        """The deviation by model and channel, as far as both runs go."""
         return {name: {c: self._deviation(name, c) for c in self.scales} for name in self.runs}
 
     def difference(self, name: str, channel_name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Times, s, and the model's reading less the vehicle's, as far as both runs go."""
+        """Times, s, and the model's reading minus the vehicle's, as far as both runs go."""
         true, model = self.vehicle.record, self.runs[name].record
         time = true.time[true.time <= model.time[-1] + 1e-9]
         return time, np.interp(time, model.time, model[channel_name]) - true[channel_name][: time.size]
@@ -120,10 +120,11 @@ def compare_open(
 ) -> OpenLoop:
     """Compare models by free runs over the same windows, each from a start fitted to the window's first seconds.
 
-    All are treated alike: least squares over the first `settle` seconds finds the start, and these are scored for none.
+    All models are treated alike: the start is a least-squares fit to the first `settle` seconds, which are not scored.
     window: s; default: the window of a vehicle among the models, else whole segments.  settle: s; default: the longest
-    that any model needs, twice its states over its measured outputs or a vehicle's own, and 5 % of the shortest window.
-    A model that diverges is told in `failed`; one that does not fit the record raises by its name.
+    that any model needs (twice its states over its measured outputs, or a vehicle's own), at least 5 % of the shortest
+    window.
+    A model that diverges is listed in `failed`; a model that does not fit the record raises ValueError with its name.
 
     Example:
 
@@ -159,7 +160,7 @@ def compare_open(
 
 
 def start_fit_seconds(models: Sequence[Model], record: Record, windows: Sequence[slice]) -> float:
-    """The first seconds, of each window, to fit starts to: what the slowest model needs, and a share of a window."""
+    """The length of a window's head to fit starts to, s: the longest need of a model, or a share of a window."""
     return max(SETTLE_SHARE * _shortest(record, windows), *(_needed(model, record) for model in models))
 
 
@@ -170,7 +171,7 @@ def _shortest(record: Record, windows: Sequence[slice]) -> float:
 def free_runs_of(model: Model, record: Record, windows: Sequence[slice], settle: float) -> FreeRuns:
     """Free runs of any model over windows, each from a start fitted to its first `settle` seconds; raises Diverged.
 
-    Of a plant whose attitude turns far, attitudes are compared as rotations; see `FreeRuns`.
+    If a plant's attitude turns far, attitudes are compared as rotations; see `FreeRuns`.
     """
     if isinstance(model, Plant) and Chart.along(model.family, record).on:
         return free_runs(model, record, windows, settle)
@@ -187,10 +188,10 @@ def free_runs_of(model: Model, record: Record, windows: Sequence[slice], settle:
 
 
 def fitted_starts(model: Model, record: Record, heads: Sequence[slice]) -> np.ndarray:
-    """States at the first rows of the heads that suit all samples of each best, shape (n_heads, n_states).
+    """States at the first rows of the heads that fit all samples of each head best, shape (n_heads, n_states).
 
-    Least squares, channels in units of what is left in them; a state that the outputs do not show stays as
-    `initial` has it, and one of a model with `start_spread` near that, within some of these.
+    Least squares, with each channel in units of its residual.  A state that the outputs do not show stays as `initial`
+    sets it; states of a model with `start_spread` are tied to that value with this standard deviation.
     """
     if isinstance(model, Plant):
         problem = Shooting(model, record, heads)
@@ -212,7 +213,7 @@ def fitted_starts(model: Model, record: Record, heads: Sequence[slice]) -> np.nd
         return float(np.nansum((residual / unit) ** 2) + np.sum((tied * (states - first)) ** 2))
 
     residual = left(x)
-    for _ in range(2 if linear else _ITERATIONS):  # the second pass has the channels' final units
+    for _ in range(2 if linear else _ITERATIONS):  # the second pass has the final units of the channels
         unit = _root_mean_square(residual)
         unit = np.maximum(unit, 1e-9 * max(float(unit.max()), 1e-300))
         slopes = np.empty((x.shape[1], *residual.shape))
@@ -244,8 +245,9 @@ def horizon_sweep(
 ) -> dict[str, dict[int, float]]:
     """RMS prediction error by channel and horizon in samples.
 
-    Each prediction runs free from the state corrected with all measurements of its segment up to its origin, first a
-    state that suits its first `settle` seconds; origins are spread evenly, at most 200, past those.  Raises Diverged.
+    Each prediction is a free run from an origin; the state there has been corrected with all measurements of its
+    segment up to the origin, starting from a state fitted to the segment's first `settle` seconds.  At most 200 origins
+    are spread evenly over the rest.  Raises Diverged.
 
     Example:
 
@@ -294,9 +296,9 @@ def horizon_sweep(
 
 
 def prediction_starts(model: Model, record: Record, settle: float) -> np.ndarray:
-    """States at the segments' first rows for predictions, (segments, n_states), fitted to the first `settle` seconds.
+    """Initial states of the segments for predictions, (segments, n_states), fitted to the first `settle` seconds.
 
-    What a model gives for one row of outputs is no good start where it learns slowly from measurements.
+    The initial state from a single row of outputs is a poor start for a model that learns slowly from measurements.
     """
     measured = outputs_of(model, record)
     short = min(s.stop - s.start for s in record.segments) <= 2 * len(model.states)
@@ -316,9 +318,10 @@ def compare_closed(
 ) -> ClosedLoop:
     """Compare the vehicle in its environment with each model in the vehicle's place, under the same controller.
 
-    make_env: the environment with a model in the vehicle's place, or of the vehicle itself for None.  A model that
-    lacks outputs of the vehicle is spliced into it, and drives those that it has.  seed, targets, start: see `drive`.
-    A model that diverges or cannot be put there is told in `failed`.
+    make_env: returns the environment with a model in the vehicle's place, or with the vehicle itself for None.  A model
+    without some of the vehicle's outputs is spliced into the vehicle, and drives those that it has.  seed, targets,
+    start: see `drive`.
+    A model that diverges, or that cannot take the vehicle's place, is listed in `failed`.
 
     Example:
 
@@ -355,9 +358,9 @@ def compare_closed(
 
 
 def stand_in(plant: Plant, model: Model) -> Model:
-    """The model where it has all outputs of the plant; else the plant with the model driving those that it has.
+    """The model if it has all outputs of the plant; otherwise the plant, with the model driving those that it has.
 
-    A vehicle without a position on the map, such as a float, has no other motion to add: its model stands alone.
+    For a vehicle without a horizontal position, such as a float, there is nothing to add: the model is used alone.
     """
     alone = isinstance(model, Plant | Spliced) or "north_m" not in plant.states
     if alone or set(plant.outputs) <= set(model.outputs):
@@ -366,7 +369,7 @@ def stand_in(plant: Plant, model: Model) -> Model:
 
 
 def check_usable(name: str, model: Model, record: Record) -> None:
-    """Raises, by its name, if a model cannot run over a record: a channel lacks, or the sample time is another."""
+    """Raise an error with the model's name if it cannot run over a record: missing channel or other sample time."""
     constants = model_constant_inputs(model)
     lacking = [c for c in model.inputs if not record.has(c) and c not in constants]
     if lacking:
@@ -408,7 +411,7 @@ def _windows(models: Mapping[str, Model], record: Record, window: float | None) 
 
 
 def _needed(model: Model, record: Record) -> float:
-    """How long, s, the head of a window has to be for a start of this model."""
+    """The length of a window's head that a start of this model needs, s."""
     if isinstance(model, Plant):
         return model.settle
     return 2.0 * ceil(len(model.states) / len(_measured_columns(model, record))) * record.sample_interval
@@ -426,7 +429,7 @@ def _free(model: Model, record: Record, windows: Sequence[slice], starts: np.nda
 
 
 def _residual(model: Model, residual: np.ndarray, number: np.ndarray) -> np.ndarray:
-    """The residual with angles started within half a turn in each window, and not wrapped after that."""
+    """The residual, with angles brought within half a turn at each window's start and not wrapped after that."""
     edges = np.r_[0, np.flatnonzero(np.diff(number)) + 1, number.size]
     for c, name in enumerate(model.outputs):
         if channel(name).angle:
@@ -438,13 +441,13 @@ def _residual(model: Model, residual: np.ndarray, number: np.ndarray) -> np.ndar
 
 
 def _root_mean_square(residual: np.ndarray) -> np.ndarray:
-    """Of each column, over its finite rows; zero where it has none."""
+    """Root mean square of each column over its finite rows; zero if it has none."""
     count = np.isfinite(residual).sum(axis=0)
     return np.sqrt(np.nansum(residual**2, axis=0) / np.maximum(count, 1))
 
 
 def step_scales(record: Record) -> dict[str, float]:
-    """What counts as 100 %, by channel that moves: the largest step of its set point, from where it began, or range."""
+    """The value of 100 %, by channel that moves: the largest step of its set point from its start, or its range."""
     scales = {}
     for name in record.names:
         if channel(name).kind != "motion" or not np.ptp(record[name]) > 0.0:

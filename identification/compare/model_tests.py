@@ -1,4 +1,4 @@
-"""What is measured of a fitted model: free runs over records it has not seen, tests of its residuals, its poles."""
+"""Tests of a fitted model: free runs over unseen records, residual tests, poles."""
 
 from __future__ import annotations
 
@@ -22,34 +22,35 @@ from identification.compare.comparison import (
 )
 from identification.fit.validation import input_correlation, whiteness
 
-BINS = 60  # of an error over time
+BINS = 60  # spans of time for an error over time
 LAGS = 20  # samples
 HORIZONS = (1, 3, 10, 30, 100)  # samples
-WHITE = 0.01  # p value above which a residual passes as white
-_DEAD_BEAT = 1e-6  # size of a pole in discrete time below which it is a delay
+WHITE = 0.01  # p-value above which a residual passes as white
+_DEAD_BEAT = 1e-6  # magnitude of a discrete pole below which it is a pure delay
 
 
 def open_loop(models: Mapping[str, Model], record: Record) -> OpenLoop:
-    """Free runs of models over whole segments of a record, or over a vehicle's windows where it is in several.
+    """Free runs of models over whole segments of a record, or over a vehicle's windows if there are several segments.
 
-    Raises ValueError where a model does not fit the record.
+    Raises ValueError if a model does not fit the record.
     """
     whole = len(record.segments) == 1 and any(isinstance(model, Plant) for model in models.values())
     return compare_open(models, record, window=record.duration_s + record.sample_interval if whole else None)
 
 
 def predicts(model: Model) -> bool:
-    """Whether a model has one of its noise, so that predictions with it differ from free runs."""
+    """Whether a model includes a noise model, so that its predictions differ from free runs."""
     return isinstance(model, Polynomial | Narx) or (isinstance(model, StateSpace) and bool(model.k.any()))
 
 
 def residuals(
     model: Model, record: Record, run: OpenLoop | None = None
 ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
-    """What a model leaves of each output, the rows it belongs to, and the number of the segment or window of each row.
+    """The residual of a model by output, the rows it belongs to, and each row's number of segment or window.
 
-    One sample ahead for models that predict, less the samples to which their start is due; of free runs for others,
-    less the samples to which their starts are fitted.  run: the free runs, of the model alone, if they are there.
+    For models that predict: one-step prediction errors, without the samples that depend on the start.  For others:
+    errors of free runs, without the samples to which their starts are fitted.  run: free runs of this model, if
+    available.
     """
     if predicts(model):
         settle = start_fit_seconds([model], record, record.segments)
@@ -69,9 +70,9 @@ def residuals(
 
 
 def residual_tests(model: Model, records: Sequence[Record], run: OpenLoop | None = None) -> dict[str, dict[str, Any]]:
-    """By output, whiteness of a model's `residuals` over records, and their correlation with each of its inputs.
+    """Whiteness of a model's `residuals` over records, and their correlation with each of its inputs, by output.
 
-    run: the model's free runs over a single record, if they are there.
+    run: the model's free runs over a single record, if available.
     """
     parts: dict[str, list[np.ndarray]] = {}
     drivers: dict[str, list[np.ndarray]] = {}
@@ -113,9 +114,9 @@ def residual_tests(model: Model, records: Sequence[Record], run: OpenLoop | None
 def sweep_horizons(
     model: Model, record: Record, settle: float, horizons: Sequence[int] = ()
 ) -> dict[str, dict[float, float]]:
-    """Root mean square error of predictions by output and horizon in s; see `horizon_sweep`.
+    """RMS prediction error by output and horizon in s; see `horizon_sweep`.
 
-    horizons: samples; default those of `HORIZONS` that are at most half of the shortest segment.  Raises Diverged.
+    horizons: samples; default: those of `HORIZONS` that are at most half of the shortest segment.  Raises Diverged.
     """
     shortest = min(s.stop - s.start for s in record.segments) - int(settle / record.sample_interval)
     wanted = list(horizons) or [k for k in HORIZONS if 2 * k <= shortest]
@@ -129,8 +130,8 @@ def is_white(test: Mapping[str, Any]) -> bool:
 
 
 def strongest_input_correlation(test: Mapping[str, Any]) -> tuple[str, float]:
-    """The input that a residual goes with most, and how much, in 95 % bounds of noise; no input: "" and 0."""
-    # lags above zero: the present input goes with the residual by feedback, not by what the model lacks
+    """The input that a residual correlates with most, and how much, in 95 % noise bounds; without inputs "", 0."""
+    # lags above zero: the present input correlates with the residual by feedback, not by an error of the model
     ties = {driver: _largest(tie) / tie["bound"] for driver, tie in test["inputs"].items()}
     driver = max(ties, key=lambda name: ties[name], default="")
     return driver, ties.get(driver, 0.0)
@@ -139,7 +140,7 @@ def strongest_input_correlation(test: Mapping[str, Any]) -> tuple[str, float]:
 def poles_of(model: Model) -> list[tuple[float, float]]:
     """Real and imaginary parts of the poles in continuous time, 1/s, slowest first; none without a linear form.
 
-    Of a vehicle, those of its linear form about its cruise, with the inputs and outputs that this has by default.
+    For a vehicle: the poles of its linearisation about cruise, with the default inputs and outputs.
     """
     if isinstance(model, Plant):
         try:
@@ -157,7 +158,7 @@ def poles_of(model: Model) -> list[tuple[float, float]]:
 
 
 def over_time(elapsed: np.ndarray, error: np.ndarray, scale: float) -> dict[str, list[float]]:
-    """Root mean square error in percent of a scale, in at most `BINS` equal spans of time, at the middle of each."""
+    """RMS error in percent of a scale, in at most `BINS` equal spans of time, with the middle of each."""
     edges = np.linspace(0.0, float(elapsed.max()) * (1.0 + 1e-9), min(BINS, max(error.size // 2, 1)) + 1)
     middles, sizes = [], []
     for low, high in pairwise(edges):
