@@ -1,1 +1,1 @@
-"""Identification of linear models in discrete time: polynomials, and state spaces by subspaces."""
+"""Identification of discrete-time linear models: polynomial models, and state-space models by subspace methods."""

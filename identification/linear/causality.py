@@ -1,4 +1,4 @@
-"""Whether outputs of records respond before their inputs move, as they do where columns or clocks are shifted."""
+"""Causality check: whether outputs respond before their inputs move, as happens if columns or clocks are shifted."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from auv_gym.records.record import Record
 from identification.linear.regressors import Series
 
 LONGEST = 20  # samples looked ahead
-CHANCE = 1e-6  # of a finding at one shift where nothing is shifted; tens of shifts and pairs are tried
-_BY_JUMPS = 1e-10  # the same, where what earlier moves leave can repeat before each
+CHANCE = 1e-6  # probability of a false finding at one shift; tens of shifts and pairs are tested
+_BY_JUMPS = 1e-10  # the same for jumps, before each of which the effects of earlier moves can repeat
 _LAGS = ((1, 2, 3, 4, 6, 8, 12, 16, 24, 32), (1, 2, 3, 4, 6, 8), (1, 2, 3))  # of the predictors, longest first
 _ROWS_PER_LAG = 3.0
-_REPEATED = 0.05  # of the readings, from which on they are coarse
-_LONG = 4 * LONGEST  # samples after which nothing is left of a move
-_FEWEST = 8.0  # moves of an input; fewer tell nothing
-_JUMP = 6.0  # standard deviations of the usual moves
+_REPEATED = 0.05  # of the readings; with more repeated values, they count as coarse
+_LONG = 4 * LONGEST  # samples after which a move has no effect left
+_FEWEST = 8.0  # moves of an input; fewer are not tested
+_JUMP = 6.0  # in standard deviations of the usual moves
 
 
 @dataclass(frozen=True)
 class Lead:
     """An output that moves `samples` samples before an input does; 0: in the same sample.
 
-    chance: of this much where nothing is shifted.
+    chance: probability of so strong a correlation if nothing is shifted.
     """
 
     input: str
@@ -40,10 +40,11 @@ class Lead:
 
 @dataclass(frozen=True, eq=False)
 class _Moves:
-    """Moves of an input that feedback has not made.
+    """Moves of an input that are not caused by feedback.
 
-    row: where, rising.  size: sizes, levels or signs.  rest: rows since the one before.  drawn: whether nothing before
-    can tell them; else they are jumps, whose signs alternate.  picked: whether noise fed back may tell which are large.
+    row: where, rising.  size: sizes, levels or signs.  rest: rows since the previous move.  drawn: whether they cannot
+    be predicted from the past; otherwise they are jumps, whose signs alternate.  picked: whether noise that is fed back
+    may decide which of them are large.
     """
 
     row: np.ndarray
@@ -54,9 +55,9 @@ class _Moves:
 
 
 def check_causality(records: Sequence[Record], inputs: Sequence[str], outputs: Sequence[str]) -> tuple[str, ...]:
-    """Words for each input and output where the output moves before the input or with it; empty if none is seen to.
+    """Warnings for each input and output where the output moves before the input or with it; empty if there is none.
 
-    See `leads` for what can be seen.  Raises on records that no linear model can be fitted to.
+    See `leads` for what can be detected.  Raises for records that no linear model can be fitted to.
     """
     words = []
     for lead in leads(records, inputs, outputs):
@@ -69,13 +70,14 @@ def check_causality(records: Sequence[Record], inputs: Sequence[str], outputs: S
 
 
 def leads(records: Sequence[Record], inputs: Sequence[str], outputs: Sequence[str]) -> tuple[Lead, ...]:
-    """Inputs and outputs where the output is ahead of the input beyond doubt.
+    """Inputs and outputs where the output certainly moves ahead of the input.
 
-    Where there is feedback, inputs follow the noise of outputs, and that an output goes with later inputs says nothing.
-    What feedback does not make is the excitation at an input, where the record has it, or else jumps of the input far
-    beyond its usual moves: of a PRBS, or of a set point.  What the past does not tell of an output may not go with
-    jumps still to come.  So nothing is seen without either, nor where a response drowns in noise within the shift;
-    leads of less than two samples, and of coarse readings, are seen with the excitation only, or in open loop.
+    Under feedback, inputs follow the noise of outputs, so a correlation of an output with later inputs proves nothing.
+    Moves that feedback does not cause are the excitation at an input, if the record has it, and jumps far beyond the
+    input's usual moves, of a PRBS or of a set point.  The prediction error of an output, given the past, must not
+    correlate with such moves in the future.  Nothing is detected without either kind of move, nor if a response drowns
+    in noise within the shift.  Leads of less than two samples, and leads of coarse readings, are detected only with a
+    logged excitation or in open loop.
     """
     series = Series.of(records, inputs, outputs, "check_causality")
     signals = len(series.inputs) + len(series.outputs)
@@ -101,7 +103,7 @@ def leads(records: Sequence[Record], inputs: Sequence[str], outputs: Sequence[st
         for j, output in enumerate(series.outputs):
             coarse = float(np.mean([np.mean(np.diff(part[:, j]) == 0.0) for part in y])) > _REPEATED
             if moves.picked and coarse:
-                continue  # steps of the reading make the input jump as well
+                continue  # steps of a coarse reading make the input jump, too
             chances = _chances(surprises[:, j], moves, first, before)
             if chances.min() < (CHANCE if moves.drawn else _BY_JUMPS):
                 found.append(Lead(name, output, int(np.argmin(chances)), float(chances.min())))
@@ -109,15 +111,16 @@ def leads(records: Sequence[Record], inputs: Sequence[str], outputs: Sequence[st
 
 
 def _chances(surprise: np.ndarray, moves: _Moves, first: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """For shifts of 1 to `LONGEST` samples, the chance that surprises just before moves go with them so well.
+    """For shifts of 1 to `LONGEST` samples, the p-value of the correlation between errors and later moves.
 
     first: row where the segment of each begins.  before: the inputs a sample before each row.
-    Student's test on products with a sum of surprises; of drawn moves less what goes with the inputs before, of jumps
-    those that come a while after others.
+    Student's test on products of the moves with sums of the prediction errors just before them.  For unpredictable
+    moves, the part of the sums that correlates with earlier inputs is removed; for jumps, only those long after the
+    previous one count.
     """
     totals = np.concatenate([np.zeros(1), np.cumsum(surprise)])
     shifts, row = np.arange(1, LONGEST + 1), moves.row[:, None]
-    # noise of this sample may have picked a jump, and by differences that of the one before
+    # noise of this sample may have triggered a jump and, by differencing, that of the sample before
     end = row + 1 - 2 * moves.picked
     begin = np.minimum(np.maximum(row + 1 - shifts, first[row]), end)
     sums = totals[end] - totals[begin]
@@ -131,18 +134,18 @@ def _chances(surprise: np.ndarray, moves: _Moves, first: np.ndarray, before: np.
     count = np.array([_count(column) for column in size.T])
     enough = count >= _FEWEST
     count = np.where(enough, count, _FEWEST)
-    spread = np.maximum(count - score**2, 1e-3 * count)  # unequal sizes can exceed the count's own limit
+    spread = np.maximum(count - score**2, 1e-3 * count)  # products of unequal size can exceed this limit
     return np.where(enough, 2.0 * stats.t.sf(np.abs(score) * np.sqrt((count - 1.0) / spread), count - 1.0), 1.0)
 
 
 def _score(products: np.ndarray) -> np.ndarray:
-    """Sums over the first axis in standard deviations, as those of independent products around zero are."""
+    """Sums over the first axis in standard deviations of sums of independent products around zero."""
     power = np.sum(products**2, axis=0)
     return np.sum(products, axis=0) / np.sqrt(np.where(power > 0.0, power, 1.0))
 
 
 def _moves(own: Sequence[np.ndarray], excitation: Sequence[np.ndarray] | None, lags: Sequence[int]) -> _Moves | None:
-    """What is tested of an input: moves of its excitation, at the rows where the input follows it, or its own."""
+    """The moves to test of an input: those of its excitation, where the input follows it, or the input's own."""
     surprise = _surprises(own, own, lags)[:, 0]
     if excitation is not None:
         added = _surprises(excitation, excitation, lags)[:, 0]
@@ -151,26 +154,26 @@ def _moves(own: Sequence[np.ndarray], excitation: Sequence[np.ndarray] | None, l
         inside = (moves.row + after >= 0) & (moves.row + after < added.size)
         moves = _Moves(moves.row[inside] + after, moves.size[inside], moves.rest[inside], moves.drawn)
         answer = surprise[moves.row]
-        # what is logged as an excitation may be of another input, or may never have come to it
+        # a logged excitation may belong to another input, or may never have reached it
         if _count(moves.size) >= _FEWEST and abs(moves.size @ answer) > 0.2 * norm(moves.size) * norm(answer):
             return moves
     return _sudden(own, surprise, lags[-1])
 
 
 def _sudden(signal: Sequence[np.ndarray], surprise: np.ndarray, start: int) -> _Moves | None:
-    """Moves of a signal that come out of nothing: levels drawn by a clock, or jumps; None where there are few.
+    """Sudden moves of a signal: levels drawn by a clock, or jumps; None if there are few.
 
-    signal: by segment, of which the surprises begin at the sample `start`.
+    signal: by segment; its prediction errors begin at the sample `start`.
     """
     size = np.abs(surprise)
-    if float(np.median(size)) > _JUMP * _deviation(size):  # a level for each sample
+    if float(np.median(size)) > _JUMP * _deviation(size):  # a new level at each sample
         return _drawn(np.arange(size.size), np.sign(surprise))
     change = np.concatenate([np.diff(part[start - 1 :, 0]) for part in signal])
     row = np.flatnonzero(np.abs(change) > max(_JUMP * _deviation(change), 1e-6 * float(np.abs(change).max())))
     if row.size < _FEWEST:
         return None
     clock = int(np.gcd.reduce(np.diff(row)))
-    picked = clock == 1 or int(np.count_nonzero(change)) > row.size  # feedback does not let it rest between
+    picked = clock == 1 or int(np.count_nonzero(change)) > row.size  # the input never rests in between
     if not picked:
         level = np.concatenate([part[start:, 0] for part in signal])
         row = np.arange(row[0] % clock, change.size, clock)
@@ -179,32 +182,32 @@ def _sudden(signal: Sequence[np.ndarray], surprise: np.ndarray, start: int) -> _
 
 
 def _drawn(row: np.ndarray, size: np.ndarray) -> _Moves:
-    """Moves that nothing before can tell."""
+    """Moves that cannot be predicted from the past."""
     return _Moves(row, size, np.full(row.size, _LONG), drawn=True)
 
 
 def _delay(signal: np.ndarray, response: np.ndarray) -> int:
-    """The samples after a signal at which a response goes with it best."""
+    """The delay, in samples, at which a response correlates with a signal most."""
     padded = np.pad(response, LONGEST)
     ties = [abs(float(signal @ padded[at : at + signal.size])) for at in range(2 * LONGEST + 1)]
     return int(np.argmax(ties)) - LONGEST
 
 
 def _surprises(targets: Sequence[np.ndarray], known: Sequence[np.ndarray], lags: Sequence[int]) -> np.ndarray:
-    """What linear predictions of the targets from lags of the known signals miss, (rows with all lags, n_targets)."""
+    """Errors of linear predictions of the targets from lags of the known signals, (rows with all lags, n_targets)."""
     start = lags[-1]
     target = np.concatenate([part[start:] - part[0] for part in targets])
     matrix = np.concatenate([_columns(part - part[0], lags) for part in known])
     size = np.sqrt(np.mean(matrix**2, axis=0))
     matrix /= np.where(size > 0.0, size, 1.0)
     product = matrix.T @ matrix
-    # signals may be constant, or follow from each other
+    # signals may be constant, or linearly dependent
     product[np.diag_indices_from(product)] += 1e-10 * len(matrix)
     return target - matrix @ np.linalg.solve(product, matrix.T @ target)
 
 
 def _columns(signals: np.ndarray, lags: Sequence[int]) -> np.ndarray:
-    """One, each signal's last value, and its changes between lags: the lags themselves would be nearly the same."""
+    """A one, each signal's last value, and its changes between lags (the lags themselves would be nearly collinear)."""
     start, n = lags[-1], len(signals)
     earlier = [signals[start - lag : n - lag] for lag in lags]
     changes = [late - early for late, early in pairwise(earlier)]
@@ -212,7 +215,7 @@ def _columns(signals: np.ndarray, lags: Sequence[int]) -> np.ndarray:
 
 
 def _excitation(records: Sequence[Record], name: str, kept: Sequence[int]) -> list[np.ndarray] | None:
-    """The excitation added at an input, of the kept segments; None where a record has none or it rests."""
+    """The excitation added at an input, in the kept segments; None if a record has none or it is constant."""
     channel = excitation_of(name)
     if not all(record.has(channel) for record in records):
         return None
@@ -223,10 +226,10 @@ def _excitation(records: Sequence[Record], name: str, kept: Sequence[int]) -> li
 
 
 def _count(size: np.ndarray) -> float:
-    """How many equal moves have as much to tell."""
+    """The number of moves of equal size with the same information."""
     return float(np.sum(size**2) ** 2 / max(float(np.sum(size**4)), 1e-300))
 
 
 def _deviation(values: np.ndarray) -> float:
-    """Standard deviation of the bulk of the values."""
+    """Robust standard deviation, from the bulk of the values."""
     return 1.4826 * float(np.median(np.abs(values - np.median(values))))

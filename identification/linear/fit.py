@@ -1,4 +1,4 @@
-"""What every linear fit returns: a model, the free parameters that it follows from, and how sure they are."""
+"""The result of every linear fit: a model, its free parameters, and their uncertainty."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from identification.estimate import Estimate
 class LinearFit(Protocol):
     """A linear model fitted to records, in SI units.
 
-    vector, covariance: of its P free parameters, (P,) and (P, P); NaN in the latter where the method gives no errors.
-    at: the model with other values of these, smooth in them.  noise: covariance of the one-step errors, (p, p).
-    freedom: degrees of freedom behind it.  samples: rows of the regression, all outputs together.
-    parameters: the count that a choice of orders is charged for: free coefficients, without intercepts and starts.
+    vector, covariance: of its P free parameters, (P,) and (P, P); the covariance is NaN if the method gives none.
+    at: the model for other values of the parameters, a smooth function of them.  noise: covariance of the one-step
+    errors, (p, p).  freedom: degrees of freedom of the noise estimate.  samples: rows of the regression, summed over
+    the outputs.  parameters: number of parameters for order criteria: free coefficients, without intercepts and starts.
     loss: mean square one-step error by output, (p,).
     """
 
@@ -53,18 +53,18 @@ class LinearFit(Protocol):
 
 
 def is_linear(fit: object) -> TypeGuard[LinearFit]:
-    """Whether a fit is one, so that poles, responses and free runs have intervals and pictures."""
+    """Whether a fit is a linear one, so that its poles, responses and free runs have intervals and figures."""
     return isinstance(fit, LinearFit) and isinstance(fit.model, Polynomial | StateSpace)
 
 
 def has_errors(fit: LinearFit) -> bool:
-    """Whether the errors of its parameters are known."""
+    """Whether the covariance of its parameters is known."""
     return bool(np.isfinite(fit.covariance).all())
 
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """A model that is known, such as a linearised vehicle, as a fit without parameters: its bands have no width."""
+    """A known model, such as a linearised vehicle, as a fit without parameters: its bands have zero width."""
 
     model: Polynomial | StateSpace
     estimates: tuple[Estimate, ...] = ()

@@ -22,7 +22,7 @@ class Series:
     """Inputs and outputs of records at even steps, one array for each segment.
 
     inputs, outputs: channel names.  dt: s.  u, y: of each segment, (n, n_inputs) and (n, n_outputs); angles are
-    continuous in a segment and start within half a turn of where the first segment starts.
+    continuous within a segment and start within half a turn of the start of the first segment.
     """
 
     inputs: tuple[str, ...]
@@ -33,7 +33,7 @@ class Series:
 
     @classmethod
     def of(cls, records: Sequence[Record], inputs: Sequence[str], outputs: Sequence[str], name: str) -> Series:
-        """The signals of records; raises, on behalf of the estimator `name`, where a linear model cannot have them."""
+        """The signals of records; raises, naming the estimator `name`, if they do not suit a linear model."""
         if not records:
             raise ValueError(f"{name}.fit needs at least one record, got none.")
         names = (*inputs, *outputs)
@@ -64,9 +64,10 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """target = matrix @ coefficients + error, over all rows that have all their lags in their own segment.
+    """The regression target = matrix @ coefficients + error, over all rows with all their lags in their own segment.
 
-    joint: (N, n + 1), the columns and then the target.  terms: of the columns; an intercept's ones come after them.
+    joint: (N, n + 1), the columns and then the target.  terms: of the columns; the ones of an intercept come after
+    them.
     """
 
     joint: np.ndarray
@@ -82,7 +83,7 @@ class Regression:
 
     @cached_property
     def triangle(self) -> np.ndarray:
-        """R of the QR decomposition of `joint`: all that it tells."""
+        """R of the QR decomposition of `joint`, which holds all of its information."""
         return triangle_tall(self.joint)
 
 
@@ -97,9 +98,9 @@ class Signals(Protocol):
 
 
 def regression(series: Signals, row: Row, start: int = 0, intercept: bool = False) -> Regression:
-    """The regression of an output on -1 times lags of outputs and on lags of inputs, as its equation has them.
+    """The regression of an output on the negative lags of outputs and the lags of inputs in its equation.
 
-    start: samples at the beginning of each segment that serve as lags only, at least; errors' lags are left out.
+    start: minimum number of samples at the beginning of each segment used only as lags; lags of errors are left out.
     """
     known = [k for k, term in enumerate(row.terms) if term.kind != "c"]
     free = [k for k, term in enumerate(row.free_terms) if term.kind != "c"]
@@ -124,9 +125,9 @@ def regression(series: Signals, row: Row, start: int = 0, intercept: bool = Fals
 
 
 def solve(problem: Regression, name: str, output: str) -> np.ndarray:
-    """The least-squares coefficients; raises, on behalf of the estimator `name`, where the data do not tell them."""
+    """The least-squares coefficients; raises, naming the estimator `name`, if the data do not determine them."""
     samples, count = len(problem.joint), problem.joint.shape[1] - 1
-    triangle = problem.triangle  # its singular values are those of the columns
+    triangle = problem.triangle  # its singular values equal those of the columns
     size = np.sqrt(np.sum(triangle[:, :count] ** 2, axis=0))
     size[size == 0.0] = 1.0
     left, values, right = np.linalg.svd(triangle[:count, :count] / size)
@@ -137,7 +138,7 @@ def solve(problem: Regression, name: str, output: str) -> np.ndarray:
 
 
 def _plain(dt: float) -> float:
-    """The interval without the rounding of times that it was taken from, so that it equals the dt of an environment."""
+    """The interval without rounding errors of times, so that it equals the dt of an environment."""
     short = float(f"{dt:.6g}")
     return short if abs(short - dt) <= 1e-7 * dt else dt
 

@@ -1,4 +1,4 @@
-"""Signals of a series about their middles in units of their spreads, in which subspace methods compute."""
+"""Signals of a series, centred and scaled by their spreads, in which subspace methods compute."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import numpy as np
 
 from identification.linear.regressors import Series
 
-_STILL = 1e-12  # spread over size below which a channel is constant but for rounding
+_STILL = 1e-12  # ratio of spread to size below which a channel is constant up to rounding
 
 
 @dataclass(frozen=True, eq=False)
 class Scaled:
     """Inputs u and outputs y of each segment, (n, m) and (n, p), as (signal - middle) / spread.
 
-    offset: whether middles were taken off; without, a spread is a root mean square.
+    offset: whether middles were subtracted; if not, a spread is a root mean square.
     """
 
     u: tuple[np.ndarray, ...]
@@ -28,7 +28,7 @@ class Scaled:
 
     @classmethod
     def of(cls, series: Series, offset: bool, name: str) -> Scaled:
-        """The signals of a series; raises, on behalf of the estimator `name`, where a channel is constant."""
+        """The scaled signals of a series; raises, naming the estimator `name`, if a channel is constant."""
         middles, spreads, parts = [], [], []
         for what, names, signals in (("input", series.inputs, series.u), ("output", series.outputs, series.y)):
             joined = np.concatenate(signals)
@@ -48,16 +48,16 @@ class Scaled:
 
     @property
     def joint(self) -> tuple[np.ndarray, ...]:
-        """Inputs and outputs beside each other, (n, m + p), of each segment."""
+        """Inputs and outputs side by side, (n, m + p), for each segment."""
         return tuple(np.concatenate([u, y], axis=1) for u, y in zip(self.u, self.y))
 
     def longer_than(self, count: int) -> Scaled:
-        """The same without segments of no more than so many samples."""
+        """The signals without segments of at most this many samples."""
         longer = [(u, y) for u, y in zip(self.u, self.y) if len(y) > count]
         return replace(self, u=tuple(u for u, _ in longer), y=tuple(y for _, y in longer))
 
     def after(self, count: int) -> Scaled:
-        """The same without the first samples of each segment, and without segments of no more than those."""
+        """The signals without the first samples of each segment, and without segments of at most this many."""
         longer = [(u[count:], y[count:]) for u, y in zip(self.u, self.y) if len(y) > count]
         return replace(self, u=tuple(u for u, _ in longer), y=tuple(y for _, y in longer))
 

@@ -1,7 +1,7 @@
-"""What the errors of a linear fit's parameters mean for its poles, its frequency response and its free runs.
+"""Uncertainty of poles, frequency responses and free runs, from that of a linear fit's parameters.
 
-All by the delta method: the covariance is cut into directions, one standard deviation long and independent of one
-another, along which the model is moved; squares of what follows from each add up.
+By the delta method: the covariance is split into independent directions, each one standard deviation long.  The model
+is moved along each, and the squared changes of a result are summed.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from identification.fit.validation import head_windows
 from identification.linear.fit import LinearFit, has_errors
 
 NO_ERRORS = "this method gives no errors of its parameters"
-_STEP = 1e-2  # standard deviations; a central difference is then true to 1e-4, and rounding stays below 1e-10
-_FIXED = 1e-7  # of the error that a pole had if nothing cancelled: below, nothing but rounding moves it
-_APART = 1e-6  # below which two poles are one
-_INFINITE = 1e6  # size of a zero in discrete time beyond which there is none
-_DELAY = 1e-6  # size of a pole in discrete time below which it is a delay
+_STEP = 1e-2  # standard deviations; a central difference is then accurate to 1e-4, and rounding stays below 1e-10
+_FIXED = 1e-7  # of the error that a pole would have without cancellation; below this, only rounding moves it
+_APART = 1e-6  # distance below which two poles count as one
+_INFINITE = 1e6  # magnitude of a discrete zero above which it counts as infinite
+_DELAY = 1e-6  # magnitude of a discrete pole below which it is a pure delay
 
 
 @dataclass(frozen=True, eq=False)
 class PoleInterval:
-    """A pole in discrete time, and how sure it is.
+    """A pole in discrete time and its uncertainty.
 
-    value: of a complex pair the one with positive imaginary part.  covariance: of real and imaginary part, (2, 2).
-    outputs: those in whose equations it is.  fixed: by the model's structure, as an integrator's.  problem: why there
-    is no interval.  What follows from it comes as an Estimate, such as `pole.time_constant.ci95`.
+    value: for a complex pair, the one with positive imaginary part.  covariance: of real and imaginary part, (2, 2).
+    outputs: those whose equations have it.  fixed: by the model's structure, such as an integrator's.  problem: why
+    there is no interval.  Derived quantities are Estimates, such as `pole.time_constant.ci95`.
     """
 
     value: complex
@@ -50,17 +50,17 @@ class PoleInterval:
 
     @property
     def pair(self) -> bool:
-        """Whether the conjugate is a pole too."""
+        """Whether the conjugate is a pole, too."""
         return self.value.imag > 0.0
 
     @property
     def delay(self) -> bool:
-        """Whether it stands at zero, for a sample of delay."""
+        """Whether it is at zero: one sample of delay."""
         return abs(self.value) < _DELAY
 
     @property
     def continuous(self) -> complex:
-        """The pole in continuous time, 1/s, that has this one at its samples."""
+        """The corresponding pole in continuous time, 1/s."""
         return complex(np.log(complex(self.value))) / self.dt
 
     @property
@@ -73,17 +73,17 @@ class PoleInterval:
 
     @property
     def rate(self) -> Estimate:
-        """The real part in continuous time: negative where the mode decays."""
+        """The real part in continuous time; negative if the mode decays."""
         return self._estimate("rate", "1/s", self.continuous.real, self._slopes[0])
 
     @property
     def time_constant(self) -> Estimate:
-        """The time in which the mode falls to 37 %; infinite for an integrator, negative where it grows."""
+        """The time in which the mode falls to 37 %; infinite for an integrator, negative if it grows."""
         rate, path, unit = self.rate, "time constant", "s"
         if abs(rate.value) < 1e-12 / self.dt:
             return Estimate(path, unit, inf, 0.0 if self.fixed else inf, (inf, inf) if self.fixed else (-inf, inf))
         value, (low, high) = -1.0 / rate.value, rate.ci95
-        through = low <= 0.0 <= high and not self.fixed  # one over a rate that may be zero
+        through = low <= 0.0 <= high and not self.fixed  # the reciprocal of a rate that may be zero
         limits = (-1.0 / low, inf) if low < 0.0 < high else (-inf, inf) if through else (-1.0 / low, -1.0 / high)
         return Estimate(path, unit, value, rate.error * value**2, limits, rate.problem)
 
@@ -95,13 +95,13 @@ class PoleInterval:
 
     @property
     def damping(self) -> Estimate:
-        """Damping over critical damping: 1 of a mode that decays without swinging, 0 of an integrator."""
+        """The damping ratio: 1 for a mode that decays without oscillating, 0 for an integrator."""
         turned = self.continuous / max(abs(self.continuous), 1e-300)
         along = np.array([-(turned.imag**2), turned.real * turned.imag]) / max(abs(self.continuous), 1e-300)
         return self._estimate("damping ratio", "1", -turned.real, along @ self._slopes)
 
     def ellipse(self) -> np.ndarray:
-        """The border of the 95 % region, complex; of a real pole the ends of its interval; empty without one."""
+        """The border of the 95 % region, complex; for a real pole, the ends of its interval; empty without one."""
         if self.problem or self.fixed:
             return np.empty(0, dtype=complex)
         if not self.pair:
@@ -114,7 +114,7 @@ class PoleInterval:
 
     @property
     def _slopes(self) -> np.ndarray:
-        """Real and imaginary part in continuous time by those in discrete time, (2, 2)."""
+        """Derivatives of real and imaginary part in continuous time by those in discrete time, (2, 2)."""
         slope = 1.0 / (complex(self.value) * self.dt)
         return np.array([[slope.real, -slope.imag], [slope.imag, slope.real]])
 
@@ -128,10 +128,10 @@ class PoleInterval:
 
 @dataclass(frozen=True, eq=False)
 class ResponseBand:
-    """A frequency response and how sure it is.
+    """A frequency response and its uncertainty.
 
-    omega: rad/s, (n,).  response: from inputs to outputs in SI, (n, p, m).  covariance: of real and imaginary part,
-    (n, p, m, 2, 2).
+    omega: rad/s, (n,).  response: from inputs to outputs in SI, (n, p, m).  covariance: of real and imaginary part, (n,
+    p, m, 2, 2).
     """
 
     omega: np.ndarray
@@ -143,12 +143,12 @@ class ResponseBand:
 
     @property
     def gain(self) -> np.ndarray:
-        """Size of the response, (n, p, m)."""
+        """Magnitude of the response, (n, p, m)."""
         return np.abs(self.response)
 
     @property
     def phase(self) -> np.ndarray:
-        """Angle of the response, rad, continuous over the frequencies, (n, p, m)."""
+        """Phase of the response, rad, continuous over the frequencies, (n, p, m)."""
         return np.unwrap(np.angle(self.response), axis=0)
 
     @property
@@ -163,7 +163,7 @@ class ResponseBand:
 
     @property
     def gain_bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """95 % bounds of the gain, each (n, p, m): even in its logarithm, so that both are positive."""
+        """95 % bounds of the gain, each (n, p, m); symmetric in its logarithm, so that both are positive."""
         with np.errstate(over="ignore", invalid="ignore"):
             apart = np.exp(half_width(self.freedom) * self.gain_error)
             return self.gain / apart, self.gain * apart
@@ -175,7 +175,7 @@ class ResponseBand:
         return self.phase - half, self.phase + half
 
     def _along(self, direction: np.ndarray) -> np.ndarray:
-        """Standard error along a direction in the complex plane, over the gain."""
+        """Standard error along a direction in the complex plane, relative to the gain."""
         size = np.maximum(self.gain, 1e-300)
         unit = np.stack([np.real(direction), np.imag(direction)], axis=-1) / size[..., None]
         spread = np.einsum("...i,...ij,...j->...", unit, self.covariance, unit)
@@ -187,7 +187,7 @@ class SimulatedBand:
     """Free runs over windows and the 95 % half width around each, in SI.
 
     rows: of the record.  window: the number of the window of each row.  model, half: (rows, C), C the channels.
-    diverged: how many of the draws have no finite run, and are left out.
+    diverged: number of draws whose run diverged; they are left out.
     """
 
     channels: tuple[str, ...]
@@ -199,10 +199,10 @@ class SimulatedBand:
 
 
 def pole_intervals(fit: LinearFit) -> tuple[PoleInterval, ...]:
-    """The poles of a fit, largest first, one for a complex pair, each with its errors.
+    """The poles of a fit, largest first, one for a complex pair, each with its uncertainty.
 
-    Eigenvalues' slopes are analytic.  Where a pole is no farther from another than its error, there is no linear
-    interval, and `problem` says so.  A pole that no parameter moves, as that of an integrator, has error 0.
+    Derivatives of eigenvalues are analytic.  If a pole is no farther from another one than its error, there is no
+    linear interval, and `problem` says so.  A pole that no parameter moves, such as that of an integrator, has error 0.
 
     Example:
 
@@ -226,9 +226,9 @@ def pole_intervals(fit: LinearFit) -> tuple[PoleInterval, ...]:
 
 
 def response_band(fit: LinearFit, omega: np.ndarray | Sequence[float]) -> ResponseBand:
-    """The frequency response of a fit at frequencies in rad/s, up to pi / dt, with its errors.
+    """The frequency response of a fit at frequencies in rad/s, up to pi / dt, with its uncertainty.
 
-    0 gives the steady gain; raises there if the model integrates.  NaN errors where the fit has none.
+    Frequency 0 gives the steady gain; raises if the model integrates.  Errors are NaN if the fit has none.
 
     Example:
 
@@ -271,10 +271,10 @@ def simulated_band(
 ) -> SimulatedBand:
     """Free runs of a fit over windows of a record, with their 95 % band from the parameter uncertainty.
 
-    windows: default whole segments.  settle: s, of each, to which the start of every model is fitted; default that of
-    `compare_open`.  starts: states at the windows' first rows for all models instead, (n_windows, n_states).
-    noise: adds the model's own noise, and what it does to fitted starts: the band in which measurements lie.
-    draws: so many models drawn with `rng` in place of slopes, for a band that is too wide to be linear.
+    windows: default whole segments.  settle: s, of each window, to which the start of every model is fitted; default
+    that of `compare_open`.  starts: instead, states at the windows' first rows for all models, (n_windows, n_states).
+    noise: also include the model's own noise and its effect on fitted starts; measurements lie in that band.
+    draws: number of models drawn with `rng` instead of linearisation, for a band too wide to be linear.
 
     Example:
 
@@ -338,21 +338,21 @@ def zeros(model: Polynomial | StateSpace, output: str, given: str) -> np.ndarray
 
 
 def _directions(fit: LinearFit) -> np.ndarray:
-    """Changes of the parameters, (r, P), one standard deviation long and independent: their squares are the covariance.
+    """Independent changes of the parameters, (r, P), one standard deviation long: their squares sum to the covariance.
 
-    None where the fit has no errors.
+    None if the fit has no covariance.
     """
     if not has_errors(fit):
         return np.empty((0, fit.vector.size))
     size = np.sqrt(np.diag(fit.covariance))
-    unit = np.where(size > 0.0, size, 1.0)  # parameters have units: without this the small ones are lost to rounding
+    unit = np.where(size > 0.0, size, 1.0)  # parameters have units: unscaled, the small ones would be lost to rounding
     values, columns = np.linalg.eigh(fit.covariance / np.outer(unit, unit))
     kept = values > 1e-14 * values.max(initial=0.0)
     return (unit[:, None] * columns[:, kept] * np.sqrt(values[kept])).T
 
 
 def _moved(fit: LinearFit) -> Iterator[tuple[Polynomial | StateSpace, Polynomial | StateSpace]]:
-    """The model moved forth and back by `_STEP` of each direction."""
+    """The model moved by `_STEP` along each direction, forwards and backwards."""
     for direction in _directions(fit):
         yield fit.at(fit.vector + _STEP * direction), fit.at(fit.vector - _STEP * direction)
 
@@ -366,19 +366,19 @@ def _off_diagonal(model: Polynomial) -> np.ndarray:
 
 
 def _dynamics(model: Polynomial | StateSpace) -> tuple[np.ndarray, list[str]]:
-    """A matrix whose eigenvalues are the poles, and the output in whose equation each row is, where there is one."""
+    """A matrix whose eigenvalues are the poles, and for each row the output in whose equation it is, if any."""
     if isinstance(model, StateSpace):
         return model.a, [""] * len(model.states)
-    # c = a has no noise in the states, b = 0 no input: what is left is A alone, with no state for longer B or C
+    # c = a: no noise in the states; b = 0: no input; only A remains, without states for a longer B or C
     still = np.zeros((1, *model.b.shape[1:]))
     alone = Polynomial(model.a, still, model.inputs, model.outputs, model.dt, c=model.a).to_state_space()
     return alone.a, [name.rpartition(" ")[0] for name in alone.states]
 
 
 def _blocks(linked: np.ndarray) -> list[np.ndarray]:
-    """Indices of the diagonal blocks of a matrix that is block triangular in some order: it has their eigenvalues.
+    """Indices of the diagonal blocks of a matrix that is block triangular in some order, which have its eigenvalues.
 
-    So poles of different outputs, and delays, are apart even where they coincide.
+    This separates poles of different outputs, and delays, even if they coincide.
     """
     count, label = sparse.csgraph.connected_components(sparse.csr_matrix(linked), connection="strong")
     return [np.flatnonzero(label == number) for number in range(count)]
@@ -416,11 +416,11 @@ def _poles_of(fit: LinearFit, matrix: np.ndarray, moves: np.ndarray, outputs: tu
 def _drawn(
     fit: LinearFit, run: Callable[..., np.ndarray], draws: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, int]:
-    """Free runs of models drawn from the fit's errors, (draws, rows, C), and how many diverged."""
+    """Free runs of models drawn from the fit's uncertainty, (draws, rows, C), and how many diverged."""
     directions, found = _directions(fit), []
     for _ in range(draws):
         model = fit.at(fit.vector + rng.standard_normal(len(directions)) @ directions)
-        # squares of a run may leave the finite numbers, and its start then fail, before the run itself does
+        # squares of a run may overflow, and its start then fail, before the run itself diverges
         with suppress(Diverged, np.linalg.LinAlgError), np.errstate(over="ignore", invalid="ignore"):
             found.append(run(model))
     if len(found) < 0.5 * draws:
@@ -434,10 +434,10 @@ def _drawn(
 def _noise_variance(
     fit: LinearFit, columns: Sequence[int], rows: int, head: int, unit: np.ndarray | None
 ) -> np.ndarray:
-    """Variance of what the model's noise makes of a measurement less the free run, (rows, C).
+    """Variance, from the model's noise, of a measurement minus the free run, (rows, C).
 
-    The start is exact, or by least squares over the first `head` rows in these units of the outputs, and so takes part
-    of their noise with it.
+    The start is exact, or fitted by least squares to the first `head` rows in these units of the outputs, and then
+    contains part of their noise.
     """
     space = _state_space(fit.model)
     values, vectors = np.linalg.eigh(fit.noise)
@@ -445,7 +445,7 @@ def _noise_variance(
     drive, n, p = space.k @ root, len(space.states), len(columns)
     read, direct = space.c[columns], root[columns]
     size = root.shape[1]
-    kept = np.zeros((n, head, size))  # of the state by each whitened error so far
+    kept = np.zeros((n, head, size))  # response of the state to each whitened error so far
     if unit is not None:
         unit = np.maximum(unit, 1e-9 * max(float(unit.max()), 1e-300))
         seen, power = np.empty((head, p, n)), np.eye(n)

@@ -14,8 +14,8 @@ from identification.linear.polynomials.polynomial_fit import PolynomialFit, fit_
 from identification.linear.polynomials.prediction import Prediction
 from identification.linear.polynomials.structure import ByOrders, Orders
 
-_ROUNDS = 4  # of the weights of coupled outputs
-_SAME = 1e-6  # relative change of the errors' covariance that ends them
+_ROUNDS = 4  # iterations of the weights for coupled outputs
+_SAME = 1e-6  # relative change of the errors' covariance that ends the iterations
 _START_PASSES = 3
 
 
@@ -23,10 +23,10 @@ _START_PASSES = 3
 class Armax(ByOrders):
     """ARMAX by the prediction-error method: A(q) y = B(q) u + intercept + C(q) e.
 
-    Settings as in Arx, and n_c: lags of the errors.  Without bias in closed loop and under coloured noise, if the
-    orders hold the truth.  From extended least squares on by Levenberg and Marquardt's method with exact gradients; the
-    errors before the first prediction of each segment are estimated too.  structure full: A and C have all outputs in
-    each equation, errors weighted by their inverse covariance.  A may be unstable, C is kept stable.
+    Settings as in Arx, and n_c: lags of the errors.  Unbiased in closed loop and under coloured noise, if the orders
+    include the true system's.  Starts from extended least squares and uses Levenberg-Marquardt with exact gradients;
+    the errors before the first prediction of each segment are estimated, too.  structure full: A and C have all outputs
+    in each equation, and errors are weighted by their inverse covariance.  A may be unstable, C is kept stable.
     Source: Geng and Zhao 2012, eqs (16) to (24); Ljung 1999, secs. 7.2 and 10.2.
 
     Example:
@@ -53,7 +53,7 @@ class Armax(ByOrders):
     stopping: Stopping = field(default_factory=Stopping)
 
     def fit(self, *records: Record) -> PolynomialFit:
-        """Fit over all segments of all records; raises if the data cannot tell all coefficients."""
+        """Fit over all segments of all records; raises if the data do not determine all coefficients."""
         return fit_coupled_outputs("Armax", records, self.orders, self.offset, self.skip, self._minimised)
 
     def _minimised(self, prediction: Prediction, arx: np.ndarray) -> tuple[np.ndarray, np.ndarray, str]:
@@ -61,9 +61,9 @@ class Armax(ByOrders):
 
 
 def least_errors(prediction: Prediction, free: np.ndarray, stopping: Stopping) -> tuple[np.ndarray, np.ndarray, str]:
-    """The parameters and starts with the least errors, of several outputs the least determinant of their covariance.
+    """The parameters and starts with the least errors, and a description of any problem ("" if converged).
 
-    And what is wrong with them, if they are not at rest.
+    For several outputs, the determinant of the errors' covariance is minimised.
     """
     starts, r = prediction.starts(), len(prediction.rows)
     weight, reason = np.eye(r), ""

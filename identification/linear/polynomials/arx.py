@@ -1,4 +1,4 @@
-"""ARX: linear models in discrete time by least squares."""
+"""ARX: discrete-time linear models by least squares."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from identification.linear.polynomials.structure import ByOrders, Orders
 class Arx(ByOrders):
     """Least-squares ARX, A(q) y = B(q) u + intercept + e.
 
-    n_a: lags of an output.  n_b: lags of an input, from `delay` on; 0 where it does not act.  delay: samples, at least
-    1, as an output does not see the input of its own row.  One number serves all outputs, a list has one for each, a
-    list of lists one for each output and channel.  structure: diagonal (each output by itself) or full (A has lags of
-    all outputs in each).  integrating: outputs with a pole at exactly 1, counted in n_a.  offset: whether an operating
-    point is estimated.  skip: samples of each segment that serve as lags only, at least.
-    Where e is not white, as with noise on a measured output, the coefficients are biased at any length of record, and
-    the intervals do not hold this bias: see Armax.  Source: Ljung 1999, sec. 4.2, 7.3.
+    n_a: lags of an output.  n_b: lags of an input, from `delay` on; 0 if it does not act.  delay: samples, at least 1,
+    as an output does not depend on the input of its own row.  A number applies to all outputs, a list has one for each
+    output, a list of lists one for each output and channel.  structure: diagonal (each output by itself) or full (each
+    equation has lags of all outputs).  integrating: outputs with a pole at exactly 1, which is counted in n_a.  offset:
+    whether an operating point is estimated.  skip: minimum number of samples of each segment used only as lags.
+    If e is not white, for example with noise on a measured output, the coefficients are biased for any length of
+    record, and the intervals do not include this bias: see Armax.  Source: Ljung 1999, sec. 4.2, 7.3.
 
     Example:
 
@@ -44,7 +44,7 @@ class Arx(ByOrders):
     skip: int = 0
 
     def fit(self, *records: Record) -> PolynomialFit:
-        """Fit over all segments of all records, each with its own lags; raises if the data cannot tell all of them."""
+        """Fit over all segments of all records, each with its own lags; raises if the data do not determine the fit."""
         return fit_coupled_outputs(
             "Arx", records, self.orders, self.offset, self.skip, lambda errors, arx: (arx, None, "")
         )

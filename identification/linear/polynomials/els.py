@@ -1,4 +1,4 @@
-"""Extended least squares: ARMAX models by regressions on their own errors."""
+"""Extended least squares: ARMAX models by regression on their own errors."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from identification.linear.polynomials.prediction import Prediction
 from identification.linear.polynomials.structure import ByOrders, Orders, Row
 
 PASSES = 50
-_SETTLED = 1e-9  # change of the sum of squares in a pass, relative
-_SHARE = 0.7  # of a pass that is taken after the first
-_SEEN = 1e-10  # power of what the regression leaves of errors, relative, below which it tells nothing of C
-_INSIDE = 0.98  # size of the largest root of C to which an unstable one is brought
+_SETTLED = 1e-9  # relative change of the sum of squares in a pass that ends the iteration
+_SHARE = 0.7  # of a full step, taken in each pass after the first
+_SEEN = 1e-10  # relative power of the errors that the regression leaves; below this, they do not determine C
+_INSIDE = 0.98  # magnitude to which the largest root of an unstable C is reduced
 
 
 @dataclass(frozen=True)
 class Els(ByOrders):
     """ARMAX by extended least squares: A(q) y = B(q) u + C(q) e, regressed on the errors of the last pass.
 
-    Settings as in Arx, and n_c: lags of the errors.  Without bias where C is near 1 (1/C - 1/2 positive real), less
-    accurate than Armax, which starts from it.  Source: Ljung 1999, sec. 10.4 (pseudolinear regression).
+    Settings as in Arx, and n_c: lags of the errors.  Unbiased if C is near 1 (1/C - 1/2 positive real), less accurate
+    than Armax, which starts from it.  Source: Ljung 1999, sec. 10.4 (pseudolinear regression).
 
     Example:
 
@@ -51,7 +51,7 @@ class Els(ByOrders):
     skip: int = 0
 
     def fit(self, *records: Record) -> PolynomialFit:
-        """Fit over all segments of all records; raises if the data cannot tell all coefficients."""
+        """Fit over all segments of all records; raises if the data do not determine all coefficients."""
         return fit_coupled_outputs(
             "Els", records, self.orders, self.offset, self.skip, lambda errors, arx: (extended(errors, arx), None, "")
         )
@@ -60,8 +60,8 @@ class Els(ByOrders):
 def extended(prediction: Prediction, arx: np.ndarray, passes: int = PASSES) -> np.ndarray:
     """The parameters of the pass with the smallest errors; arx: those of least squares, with zeros for C.
 
-    Each pass takes the errors of the one before, and goes a part of the way that they ask for, since whole steps
-    swing; where its C is not stable, it is made so.
+    Each pass uses the errors of the previous one and takes part of the full step, since full steps oscillate; an
+    unstable C is made stable.
     """
     lags, rows = prediction.lags, prediction.rows
     parts = [_Part.of(prediction, row) for row in rows] if lags else []
@@ -83,9 +83,9 @@ def extended(prediction: Prediction, arx: np.ndarray, passes: int = PASSES) -> n
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """An output's regression on what is measured.
+    """The part of an output's regression that consists of measured signals.
 
-    late: which parameters are the errors'.  errors: their lags and numbers.
+    late: which parameters belong to errors.  errors: their lags and numbers.
     """
 
     joints: list[np.ndarray]
@@ -108,7 +108,7 @@ class _Part:
         return np.linalg.inv(self.triangle[:-1, :-1])
 
     def solve(self, errors: Sequence[np.ndarray]) -> np.ndarray:
-        """The parameters of the regression on these errors too, its own part eliminated."""
+        """The parameters of the regression extended by these errors; the measured part is eliminated."""
         count = len(self.errors)
         across, among = np.zeros((self.triangle.shape[1], count)), np.zeros((count, count))
         for joint, e in zip(self.joints, errors):
@@ -116,7 +116,7 @@ class _Part:
             for k, (lag, column) in enumerate(columns):
                 across[:, k] += joint[lag:].T @ column
                 for other, (late, with_column) in enumerate(columns[: k + 1]):
-                    # both from the row on at which the later of the two begins
+                    # both from the row at which the later of the two begins
                     size = len(e) - max(lag, late)
                     if size > 0:
                         among[k, other] += column[column.size - size :] @ with_column[with_column.size - size :]
@@ -131,7 +131,7 @@ class _Part:
 
 
 def _with_stable_c(prediction: Prediction, free: np.ndarray) -> np.ndarray:
-    """The same with all roots of C brought inside the circle, by one factor."""
+    """The parameters with all roots of C scaled into the unit circle by one factor."""
     c = prediction.c(free)
     if is_stable(c):
         return free

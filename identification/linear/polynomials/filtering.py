@@ -1,4 +1,4 @@
-"""Prediction errors of polynomial models, their slopes and normal equations, compiled."""
+"""Prediction errors of polynomial models with their derivatives and normal equations, compiled."""
 
 from __future__ import annotations
 
@@ -9,18 +9,19 @@ import numpy as np
 from auv_gym.compiled import outlined
 
 SPAN = 512  # rows of slopes at a time: they stay in a processor's first cache
-INTERCEPT = 3  # its kind, after those of terms
-_SQUARINGS = 24  # of a matrix; a root of 1 - 1e-6 has gone by then
-_GONE = 1e-40  # below which an effect of a start is nothing; numbers near the smallest are slow to compute with
+INTERCEPT = 3  # code of an intercept, after those of terms
+_SQUARINGS = 24  # of a matrix; a root of 1 - 1e-6 has vanished by then
+_GONE = 1e-40  # below this, the effect of a start counts as zero; computing with denormal numbers is slow
 
 
 class Problem(NamedTuple):
     """The errors of some outputs' equations over segments, laid out for compiled code.
 
-    y, u: all segments below one another.  begins, at: (S + 1,), where each begins, in y and among the errors, each with
-    nc rows of starts first.  first: rows that serve as lags only.  described: (4, terms), kind (0 a, 1 b, 2 c, 3 an
-    intercept), row in the block, number of the channel, lag.  late: (k, 4), lag, row, number of the error and place
-    among the terms, of what multiplies lags of errors.  numbers: of the outputs.  terms = base + mix @ parameters.
+    y, u: all segments below one another.  begins, at: (S + 1,), where each begins in y and in the errors; the errors of
+    each segment start with nc rows of starts.  first: number of rows used only as lags.  described: (4, terms), kind (0
+    a, 1 b, 2 c, 3 an intercept), row in the block, number of the channel, lag.  late: (k, 4), for each coefficient of
+    lagged errors its lag, row, number of the error and place among the terms.  numbers: of the outputs.  terms = base +
+    mix @ parameters.
     """
 
     y: np.ndarray
@@ -36,13 +37,13 @@ class Problem(NamedTuple):
 
     @property
     def rows(self) -> int:
-        """Errors of each output, with the starts."""
+        """Number of errors of each output, including the starts."""
         return int(self.at[-1])
 
 
 @outlined
 def fill_c(values, late, c):
-    """C of the values of the terms, (powers, r, r) with the unit matrix first."""
+    """C from the values of the terms, (powers, r, r) with the unit matrix first."""
     c[:] = 0.0
     for i in range(c.shape[1]):
         c[0, i, i] = 1.0
@@ -51,7 +52,7 @@ def fill_c(values, late, c):
 
 
 def largest_root(c: np.ndarray) -> float:
-    """The size of the largest root of det(z^n + c_1 z^(n-1) + ...), 0 where there is none; c: (n + 1, r, r)."""
+    """The magnitude of the largest root of det(z^n + c_1 z^(n-1) + ...), 0 if there is none; c: (n + 1, r, r)."""
     powers, r = len(c) - 1, c.shape[1]
     if powers == 0:
         return 0.0
@@ -66,7 +67,7 @@ def is_stable(c):
     powers, r = c.shape[0] - 1, c.shape[1]
     if r > 1:
         return _decays(c)
-    # of one polynomial by the reflection coefficients of Schur and Cohn
+    # for a scalar polynomial, by the reflection coefficients of Schur and Cohn
     now, before = np.empty(powers + 1), np.empty(powers + 1)
     for k in range(powers + 1):
         now[k] = c[k, 0, 0]
@@ -83,7 +84,7 @@ def is_stable(c):
 
 @outlined
 def _decays(c):
-    """Whether powers of the companion matrix go to zero, as found by squaring it."""
+    """Whether powers of the companion matrix converge to zero, by repeated squaring."""
     r, size = c.shape[1], (c.shape[0] - 1) * c.shape[1]
     now, squared = np.zeros((size, size)), np.zeros((size, size))
     for i in range(size):
@@ -109,7 +110,7 @@ def _decays(c):
 
 @outlined
 def fill_errors(problem, values, c, starts, e):
-    """One-step errors into e, (rows, r), of the values of the terms; starts: (S, nc r)."""
+    """Write the one-step errors for these term values into e, (rows, r); starts: (S, nc r)."""
     y, u, first, described, numbers = problem.y, problem.u, problem.first, problem.described, problem.numbers
     r, nc = e.shape[1], c.shape[0] - 1
     for s in range(problem.begins.size - 1):
@@ -140,9 +141,10 @@ def fill_errors(problem, values, c, starts, e):
 
 @outlined
 def fill_slopes(problem, s, c, e, begin, slopes):
-    """Derivatives of the errors of segment s, (rows, r), from prediction `begin` on by terms and then by starts.
+    """Derivatives of the errors of segment s, (rows, r), from prediction `begin` on, by terms and then by starts.
 
-    slopes: (nc + count, r, terms + nc r + 1), whose first nc rows are given, those before; the errors come last.
+    slopes: (nc + count, r, terms + nc r + 1); the first nc rows, those before `begin`, are given; the last column is
+    for the errors.
     """
     y, u, described, late = problem.y, problem.u, problem.described, problem.late
     nc, r, terms = c.shape[0] - 1, c.shape[1], described.shape[1]
@@ -181,7 +183,7 @@ def fill_slopes(problem, s, c, e, begin, slopes):
 
 @outlined
 def half_squares(e, weight):
-    """Half the sum of squares of the errors times weight, (r, r)."""
+    """Half the weighted sum of squares of the errors; weight: (r, r)."""
     total = 0.0
     for row in range(e.shape[0]):
         for i in range(e.shape[1]):
@@ -194,7 +196,7 @@ def half_squares(e, weight):
 
 @outlined
 def normal_equations(problem, c, e, weight, chain, gradient, matrix, start_gradient, across, start_matrix):
-    """Normal equations of the weighted errors, of parameters z by which terms change as chain z, and of the starts.
+    """Normal equations of the weighted errors for parameters z, with terms changing as chain z, and for the starts.
 
     gradient: (P,).  matrix: (P, P).  start_gradient: (S, q).  across: (S, P, q).  start_matrix: (S, q, q).
     """
@@ -210,11 +212,11 @@ def normal_equations(problem, c, e, weight, chain, gradient, matrix, start_gradi
         begins, stops = problem.at[s], problem.at[s + 1]
         products[:] = 0.0
         buffer[:nc] = 0.0
-        for row in range(nc):  # the starts are errors that depend on themselves alone
+        for row in range(nc):  # each start is an error that depends only on itself
             for i in range(r):
                 buffer[row, i, terms + row * r + i] = 1.0
                 buffer[row, i, width] = e[begins + row, i]
-        begin, count, line = 0, nc, 0  # which rows of the buffer, first those of the starts
+        begin, count, line = 0, nc, 0  # which rows of the buffer; the first ones are those of the starts
         while True:
             if r == 1:
                 part = flat[line : line + count]
@@ -232,7 +234,7 @@ def normal_equations(problem, c, e, weight, chain, gradient, matrix, start_gradi
             if count <= 0:
                 break
             fill_slopes(problem, s, c, e[begins:stops], begin - nc, buffer[: nc + count])
-        if r == 1:  # of one output, sums are scaled instead of columns
+        if r == 1:  # for one output, scale sums instead of columns
             products *= weight[0, 0] * weight[0, 0]
         for z in range(size):
             for k in range(width):

@@ -1,4 +1,4 @@
-"""Least squares of prediction errors by Levenberg and Marquardt's method."""
+"""Nonlinear least squares of prediction errors by the Levenberg-Marquardt method."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from auv_gym.compiled import outlined
 from identification.linear.polynomials.filtering import fill_c, fill_errors, half_squares, is_stable, normal_equations
 from identification.linear.polynomials.prediction import Prediction
 
-# Relative size below which a direction of the parameters is as good as not seen at the start; its square has to be
-# above rounding, since normal matrices are formed.
+# Relative size below which a direction of the parameters counts as undetermined at the start; its square must be above
+# rounding, since normal matrices are formed.
 _WHITE = 1e-7
-_ROUNDING = 1e-13  # gain of a step, relative to the loss, below which only rounding would change
+_ROUNDING = 1e-13  # relative reduction of the loss by a step below which it is only rounding
 REASONS = ("iterations", "gradient", "step", "error", "rounding")
 
 
 @dataclass(frozen=True)
 class Stopping:
-    """When an iteration ends: at its largest number, or where gradient, step or error are below a threshold.
+    """Stopping rules of an iteration: largest number of steps, or thresholds for gradient, step or error.
 
-    damping: at the start, relative to the largest diagonal element of the normal matrix.  The gradient is relative
-    to the loss, the step to the parameters, and the error (root mean square) to the spread of the output, so that none
-    depends on units.  Source: Geng and Zhao 2012, sec. V; Madsen, Nielsen and Tingleff 2004, alg. 3.16.
+    damping: initial value, relative to the largest diagonal element of the normal matrix.  The gradient is relative to
+    the loss, the step to the parameters, and the error (RMS) to the spread of the output, so that no threshold depends
+    on units.  Source: Geng and Zhao 2012, sec. V; Madsen, Nielsen and Tingleff 2004, alg. 3.16.
     """
 
     damping: float = 1e-5
@@ -35,7 +35,7 @@ class Stopping:
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """Where an iteration ended, and why: see REASONS; rounding: a step would gain no more than that."""
+    """The result of an iteration, and why it ended: see REASONS; rounding: a step would gain only rounding."""
 
     free: np.ndarray
     starts: np.ndarray
@@ -57,7 +57,7 @@ class Linearised:
 
     @property
     def reduced(self) -> np.ndarray:
-        """The normal matrix of the parameters with the starts solved for."""
+        """The normal matrix of the parameters with the starts eliminated."""
         if not self.start_matrix.size:
             return self.matrix
         solved = np.linalg.solve(self.start_matrix, np.swapaxes(self.across, 1, 2))
@@ -67,10 +67,10 @@ class Linearised:
 def minimise(
     prediction: Prediction, free: np.ndarray, starts: np.ndarray, weight: np.ndarray, stopping: Stopping
 ) -> Minimum:
-    """The parameters and starts with the least sum of squared errors, from where they are.
+    """The parameters and starts with the least sum of squared errors, starting from the given ones.
 
-    weight: (r, r), applied to the errors of a sample.  The steps are taken in coordinates in which the errors' slopes
-    at the beginning are orthonormal, so that neither units nor slow poles matter to the damping; C stays stable.
+    weight: (r, r), applied to the errors of a sample.  Steps are taken in coordinates in which the derivatives of the
+    errors at the start are orthonormal, so that neither units nor slow poles affect the damping; C stays stable.
     """
     about = linearised(prediction, free, starts, weight)
     if not np.isfinite(about.value) or not (prediction.structure.tied or is_stable(prediction.c(free))):
@@ -81,7 +81,7 @@ def minimise(
     basis = _orthonormal(about)
     z, begin = np.linalg.solve(basis, free), starts.copy()
     chain = prediction.problem.mix @ basis
-    square = 2.0 * about.value  # the loss begins at a half
+    square = 2.0 * about.value  # the scaled loss starts at one half
     here = (
         basis.T @ about.gradient / square,
         basis.T @ about.matrix @ basis / square,
@@ -96,7 +96,7 @@ def minimise(
 
 
 def linearised(prediction: Prediction, free: np.ndarray, starts: np.ndarray, weight: np.ndarray) -> Linearised:
-    """The normal equations of the parameters about a point."""
+    """The normal equations at a point."""
     problem, c = prediction.problem, prediction.c(free)
     e = np.empty((problem.rows, len(weight)))
     fill_errors(problem, prediction.terms(free), c, starts, e)
@@ -107,7 +107,7 @@ def linearised(prediction: Prediction, free: np.ndarray, starts: np.ndarray, wei
 
 
 def _orthonormal(about: Linearised) -> np.ndarray:
-    """Directions of the parameters, as columns, in which the normal matrix less what the starts explain is one."""
+    """Directions of the parameters, as columns, in which the reduced normal matrix is the unit matrix."""
     matrix = about.reduced
     size = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
     squares, directions = np.linalg.eigh(matrix / np.outer(size, size))
@@ -134,9 +134,9 @@ def _descend(
     least_gradient,
     least_step,
 ):
-    """Brings z and starts to the minimum in place; the loss there, how many iterations, number of the reason.
+    """Move z and starts to the minimum in place; returns the loss, the number of iterations, and the reason's number.
 
-    Terms are base + chain z.  The normal equations come as they are at the beginning, where the loss is a half.
+    Terms are base + chain z.  The normal equations are given for the start, where the loss is one half.
     """
     r, (segments, q), p = problem.numbers.size, starts.shape, z.size
     c, e = np.zeros((q // r + 1, r, r)), np.empty((problem.at[-1], r))
@@ -198,7 +198,7 @@ def _descend(
 
 @outlined
 def _value(problem, z, starts, weight, chain, tied, c, e):
-    """Half the sum of squares of the weighted errors, infinite where C is not stable; fills c and e."""
+    """Half the weighted sum of squares of the errors, infinite if C is not stable; fills c and e."""
     values = problem.base.copy()
     for k in range(values.size):
         for i in range(z.size):
@@ -212,9 +212,9 @@ def _value(problem, z, starts, weight, chain, tied, c, e):
 
 @outlined
 def _step(gradient, matrix, start_gradient, across, start_matrix, damping, solved, change, start_change):
-    """Fills the damped Gauss-Newton step of parameters and starts; False where the matrices are not definite.
+    """Compute the damped Gauss-Newton step of parameters and starts; False if the matrices are not positive definite.
 
-    Each segment's starts are eliminated: solved, (S, P, q), is room for what they then depend on the parameters by.
+    Each segment's starts are eliminated; solved, (S, P, q), is workspace for their dependence on the parameters.
     """
     p, (segments, q) = gradient.size, start_gradient.shape
     reduced = matrix.copy()
@@ -252,7 +252,7 @@ def _step(gradient, matrix, start_gradient, across, start_matrix, damping, solve
 
 @outlined
 def _factor(a):
-    """Cholesky's factor of a positive definite matrix into its lower triangle; False where it is not."""
+    """Cholesky factor of a positive definite matrix into its lower triangle; False if it is not positive definite."""
     for j in range(a.shape[0]):
         for i in range(j, a.shape[0]):
             total = a[i, j]
@@ -269,7 +269,7 @@ def _factor(a):
 
 @outlined
 def _substitute(factor, b):
-    """Solves with Cholesky's factor, in place."""
+    """Solve with a Cholesky factor, in place."""
     for i in range(b.size):
         for k in range(i):
             b[i] -= factor[i, k] * b[k]

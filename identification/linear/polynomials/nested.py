@@ -13,10 +13,10 @@ from identification.linear.regressors import SAMPLES_PER_COEFFICIENT, Series, re
 
 @dataclass(frozen=True, eq=False)
 class Nested:
-    """An output's regression on all lags that any order asks for, as the triangle of its QR decomposition.
+    """An output's regression on all lags that any order needs, as the triangle of its QR decomposition.
 
-    triangle: (n + 1, n + 1), columns scaled to unit length, the target last.  scale: what its length was.  places: of
-    the output's (-1) and each input's lags, the column by lag.  intercept: whether it is solved for beside them.
+    triangle: (n + 1, n + 1), columns scaled to unit length, the target last.  scale: the original lengths.  places:
+    columns by lag, of the output (key -1) and of each input.  intercept: whether an intercept is estimated.
     """
 
     triangle: np.ndarray
@@ -32,7 +32,7 @@ class Nested:
         matrix = np.column_stack([problem.matrix, problem.target])
         samples = len(matrix)
         if intercept and samples:
-            # centred columns have the intercept solved for, and keep the digits that a large mean would take
+            # centring the columns eliminates the intercept, and keeps digits that a large mean would take
             matrix = matrix - matrix.mean(axis=0)
         size = np.sqrt(np.sum(matrix**2, axis=0))
         size[size == 0.0] = 1.0
@@ -41,9 +41,9 @@ class Nested:
         return cls(triangle, float(size[-1]), samples, places, intercept)
 
     def loss(self, own: int, n_b: Sequence[int], delay: Sequence[int]) -> float:
-        """Mean square equation error of these orders; NaN where the rows do not determine the coefficients.
+        """Mean square equation error of these orders; NaN if the rows do not determine the coefficients.
 
-        own: free coefficients of A, one less than n_a where the output integrates.
+        own: free coefficients of A, one less than n_a if the output integrates.
         """
         lags = [(-1, lag) for lag in range(1, own + 1)]
         lags += [(i, late + k) for i, (count, late) in enumerate(zip(n_b, delay, strict=True)) for k in range(count)]

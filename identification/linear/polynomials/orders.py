@@ -1,4 +1,4 @@
-"""Orders of polynomial models: a grid of them on the same rows, and what each criterion would take."""
+"""Orders of polynomial models: a grid of orders fitted to the same rows, and the choice of each criterion."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from identification.linear.polynomials.structure import Structure
 from identification.linear.regressors import Series
 
 CRITERIA = {"mdl": "MDL", "aic": "AIC", "bic": "BIC", "held_out": "held-out", "parsimony": "parsimony"}  # in words
-# Of pitch, Geng and Zhao 2012 take orders with a residual error of 3e-4 % in place of MDL's with 2e-4 %, and see no
+# For pitch, Geng and Zhao 2012 choose orders with a residual error of 3e-4 % over MDL's with 2e-4 %, and see no
 # substantial difference between them.
 TOLERANCE = 0.5
-# Rounding in data without noise: losses below this share of the output's mean square are no better than one another.
+# For data without noise: losses below this share of the output's mean square differ only by rounding.
 _ROUNDING = 1e-24
-# Gradient at which a cell may end its iteration, see Stopping: losses are then right to some six digits, for half the
+# Gradient at which a cell may end its iteration, see Stopping: losses are then accurate to six digits, in half the
 # time.
 _NEAR = 1e-4
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A model of one output: its orders, and how well it does.
+    """A model of one output: its orders, and how well it fits.
 
     n_b, delay: by input.  parameters: n, all that are free in A, B and C.  loss: V_N = 1/N sum e^2 over the N rows that
     all cells of the output share, in its unit squared.  aic = V_N (1 + 2 n / N), mdl = V_N (1 + 2 n log N / N), both as
-    in Geng and Zhao 2012; bic = N log V_N + n log N.  held_out: fit of free runs, %, NaN without records to validate on
-    and where a run leaves the finite numbers.  problem: why there is no model; all numbers are then NaN.
+    in Geng and Zhao 2012; bic = N log V_N + n log N.  held_out: fit of free runs, %; NaN without validation records or
+    if a run diverges.  problem: why there is no model; all numbers are then NaN.
     """
 
     output: str
@@ -57,9 +57,9 @@ class Cell:
 
 @dataclass(frozen=True)
 class Orders:
-    """Orders of all outputs, as the estimators take them: a number an output, a row an output with one for each input.
+    """Orders of all outputs as estimators take them: a number per output, or a row per output, one per input.
 
-    n_c: None where the method has none.
+    n_c: None if the method has none.
     """
 
     n_a: tuple[int, ...]
@@ -68,17 +68,17 @@ class Orders:
     n_c: tuple[int, ...] | None = None
 
     def settings(self) -> dict[str, Any]:
-        """The settings of an estimator that these are."""
+        """The orders as settings of an estimator."""
         return {name: value for name, value in vars(self).items() if value is not None}
 
 
 @dataclass(frozen=True, eq=False)
 class OrderSearch:
-    """Every cell of a search, and what the criteria choose of them, each output by itself.
+    """Every cell of a search, and the choices of the criteria, each output by itself.
 
-    base: the estimator whose orders are sought.  rows: N by output.  criterion: the one that was asked for.
-    `mdl`, `aic` and `bic` take the smallest value, `held_out` the largest fit, `parsimony` the fewest parameters whose
-    loss is at most 1 + tolerance times that of MDL's choice, then the smallest delay, then the smallest n_a.
+    base: the estimator whose orders are searched.  rows: N by output.  criterion: the requested one.
+    `mdl`, `aic` and `bic` take the smallest value, `held_out` the largest fit.  `parsimony` takes the fewest parameters
+    with a loss of at most 1 + tolerance times that of MDL's choice, then the smallest delay, then the smallest n_a.
     Source of parsimony: Geng and Zhao 2012, sec. III; of bic: Ljung 1999, sec. 16.4.
     """
 
@@ -99,7 +99,7 @@ class OrderSearch:
 
     @property
     def criteria(self) -> tuple[str, ...]:
-        """Those that can choose here: without records to validate on not `held_out`."""
+        """The criteria that can be used: `held_out` only with validation records."""
         judged = any(isfinite(cell.held_out) for cell in self.cells)
         return tuple(name for name in CRITERIA if judged or name != "held_out")
 
@@ -108,7 +108,7 @@ class OrderSearch:
         return tuple(cell for cell in self.cells if cell.output == output)
 
     def best(self, output: str, criterion: str = "") -> Cell:
-        """The cell that a criterion (default the search's) takes for an output; raises ValueError if it cannot."""
+        """The cell that a criterion (default: the search's) chooses for an output; raises ValueError if it cannot."""
         criterion = criterion or self.criterion
         check_criterion(criterion)
         cells = [cell for cell in self.of(output) if not cell.problem]
@@ -129,7 +129,7 @@ class OrderSearch:
         return min(cells, key=lambda cell: (getattr(cell, criterion), *_size(cell)))
 
     def choice(self, criterion: str = "") -> Orders:
-        """The orders that a criterion takes, default the search's."""
+        """The orders that a criterion chooses (default: the search's)."""
         cells = [self.best(output, criterion) for output in self.outputs]
         return Orders(
             tuple(cell.n_a for cell in cells),
@@ -139,11 +139,11 @@ class OrderSearch:
         )
 
     def estimator(self, criterion: str = "") -> Estimator:
-        """The estimator with the orders that a criterion takes; it fits on all rows that they leave."""
+        """The estimator with the orders that a criterion chooses; it fits on all rows that these orders allow."""
         return replace(self.base, **self.choice(criterion).settings())
 
     def as_dict(self) -> dict[str, Any]:
-        """Cells and choices for JSON; what is not a number is None."""
+        """Cells and choices for JSON; None in place of NaN."""
         cells = [asdict(cell) for cell in self.cells]
         return {
             "method": self.method,
@@ -177,10 +177,9 @@ def search_orders(
 ) -> OrderSearch:
     """Fit every order of the grid to the records, each output separately; raises ValueError for invalid settings.
 
-    method: arx, els, armax, output_error.  n_b, delay: alike for all inputs, or by input name each its own.  n_c: where
-    the method has it, default 0 to 3.  validate: records for `held_out`, which should not be those that judge the model
-    in the end.  settings: others of the method, such as integrating.  Orders that cannot be fitted are cells with
-    their problem.
+    method: arx, els, armax, output_error.  n_b, delay: the same for all inputs, or by input name.  n_c: if the method
+    has it, default 0 to 3.  validate: records for `held_out`; use others for the final test of the model.  settings:
+    others of the method, such as integrating.  Orders that cannot be fitted are cells with a problem.
 
     Example:
 
@@ -227,7 +226,7 @@ def search_orders(
 
 
 def check_criterion(name: str) -> None:
-    """Raises ValueError if there is no such criterion."""
+    """Raise ValueError if there is no such criterion."""
     if name not in CRITERIA:
         raise ValueError(f"No criterion {name!r}. {did_you_mean(name, CRITERIA)}Criteria: {', '.join(CRITERIA)}.")
 
@@ -249,7 +248,7 @@ def _cell(
     failed = Cell(output, n_a, n_b, n_c, delay, count, nothing, nothing, nothing, nothing, nothing)
     loss, held_out = nothing if nested is None else nested.loss(own, n_b, delay), nothing
     if validate or not isfinite(loss):
-        # a regression that is not determined is fitted too: the fit says why
+        # fit even an undetermined regression: the fit says why it fails
         found = Orders((n_a,), (n_b,), (delay,), (n_c,) if _has_noise(alone) else None)
         try:
             fit = replace(alone, **found.settings()).fit(*records)
@@ -272,7 +271,7 @@ def _cell(
 
 
 def _held_out(model: Any, validate: Sequence[Record]) -> float:
-    """Fit of a model's free runs over records, %; NaN where they leave the finite numbers."""
+    """Fit of a model's free runs over records, %; NaN if they diverge."""
     needed = {*model.inputs, *model.outputs}
     apart = concat([record.without([name for name in record.names if name not in needed]) for record in validate])
     compared = compare_open({"model": model}, apart)
@@ -282,7 +281,7 @@ def _held_out(model: Any, validate: Sequence[Record]) -> float:
 
 
 def _base(method: str, inputs: Sequence[str], outputs: Sequence[str], settings: Mapping[str, Any]) -> Any:
-    """The estimator whose orders are sought, its orders still the defaults."""
+    """The estimator whose orders are searched, with default orders."""
     if "skip" in settings:
         raise ValueError("An order search sets skip itself, for all orders alike: leave it out of the settings.")
     known, method = list_methods(), method.strip().replace("-", "_")
@@ -297,13 +296,13 @@ def _base(method: str, inputs: Sequence[str], outputs: Sequence[str], settings: 
 
 
 def _is_polynomial(method: Method) -> bool:
-    """Whether a method can be used and has the settings of one."""
+    """Whether a method is available and has the settings of a polynomial method."""
     needed = {"n_a", "n_b", "delay", "skip", "integrating"}
     return not method.problem and needed <= {field.name for field in fields(method.load())}
 
 
 def _hasty(estimator: Any) -> Any:
-    """The estimator, its iteration ended as soon as the loss is known well enough to compare."""
+    """The estimator with an iteration that ends as soon as the loss is accurate enough to compare."""
     stopping = getattr(estimator, "stopping", None)
     if stopping is None:
         return estimator
@@ -325,7 +324,7 @@ def _noise_range(method: str, base: Any, n_c: Iterable[int] | None) -> tuple[int
 def _by_input(
     name: str, given: Iterable[int] | Mapping[str, Iterable[int]], inputs: Sequence[str], least: int
 ) -> list[tuple[int, ...]]:
-    """What is tried, each with one value an input."""
+    """The combinations to try, each with one value per input."""
     if isinstance(given, Mapping):
         by_name = {str(channel): values for channel, values in given.items()}
         if set(by_name) != set(inputs):
@@ -337,7 +336,7 @@ def _by_input(
 
 
 def _range(name: str, given: Iterable[int], least: int) -> tuple[int, ...]:
-    """Different whole numbers, the smallest first."""
+    """The given whole numbers, each once and in rising order."""
     values = tuple(given) if isinstance(given, Iterable) else (given,)
     if not values or any(isinstance(k, bool) or not isinstance(k, int) or k < least for k in values):
         raise ValueError(f"An order search needs {name} as whole numbers from {least}, such as 1 to 4, got {given!r}.")
@@ -345,5 +344,5 @@ def _range(name: str, given: Iterable[int], least: int) -> tuple[int, ...]:
 
 
 def _size(cell: Cell) -> tuple[int, int, int]:
-    """What settles a tie: fewer parameters, smaller delay, smaller n_a."""
+    """The tie-breaker: fewer parameters, smaller delay, smaller n_a."""
     return cell.parameters, sum(cell.delay), cell.n_a

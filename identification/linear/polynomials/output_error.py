@@ -1,4 +1,4 @@
-"""Output-error models: the noise is on the measurement, and free runs are fitted."""
+"""Output-error models: noise on the measurement only, fitted by free runs."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from identification.linear.polynomials.prediction import Prediction
 from identification.linear.polynomials.structure import ByOrders, Orders
 
 _PASSES = 10
-_NEAR = 1e-3  # gradient at which a model is good enough to begin from
-_INSIDE = 0.999  # size of the largest root of A with which signals are filtered
+_NEAR = 1e-3  # gradient at which a model is good enough as a start
+_INSIDE = 0.999  # largest magnitude of a root of A that is used to filter signals
 
 
 @dataclass(frozen=True)
 class OutputError(ByOrders):
     """An output-error model, y = (B(q) / A(q)) u + e, fitted by minimising the errors of free runs.
 
-    Settings as in Arx.  Each segment's initial state is estimated.  Right where the noise is on the measurement alone;
-    under feedback only if e is white.  An integrating plant can be fitted, an unstable one cannot: use Armax.
-    By Levenberg and Marquardt's method from filtered least squares (Steiglitz and McBride 1965) and from ARMAX; the
-    better counts.
+    Settings as in Arx.  Each segment's initial state is estimated.  Correct if the noise is on the measurement only;
+    under feedback, only if e is white.  An integrating plant can be fitted, an unstable one cannot: use Armax.
+    Levenberg-Marquardt starts from filtered least squares (Steiglitz and McBride 1965) and from ARMAX; the better
+    result is kept.
     Source: Ljung 1999, secs. 4.2 and 7.2.
 
     Example:
@@ -57,7 +57,7 @@ class OutputError(ByOrders):
     stopping: Stopping = field(default_factory=Stopping)
 
     def fit(self, *records: Record) -> PolynomialFit:
-        """Fit over all segments of all records; raises if the data cannot tell all coefficients."""
+        """Fit over all segments of all records; raises if the data do not determine all coefficients."""
         return fit_coupled_outputs("OutputError", records, self.orders, self.offset, self.skip, self._minimised)
 
     def _minimised(self, prediction: Prediction, arx: np.ndarray) -> tuple[np.ndarray, np.ndarray, str]:
@@ -74,7 +74,7 @@ def _loss(prediction: Prediction, free: np.ndarray, starts: np.ndarray, _: str) 
 
 
 def loosened(prediction: Prediction, arx: np.ndarray) -> np.ndarray:
-    """The parameters of A and B of an ARMAX model with a C of its own, of the order of A."""
+    """The parameters of A and B from an ARMAX model with its own C of the order of A."""
     loose = replace(prediction, structure=replace(prediction.structure, tied=False))
     loose = replace(loose, rows=tuple(loose.structure.rows[row.number] for row in prediction.rows))
     ours = [
@@ -88,7 +88,7 @@ def loosened(prediction: Prediction, arx: np.ndarray) -> np.ndarray:
 
 
 def filtered(prediction: Prediction, arx: np.ndarray) -> np.ndarray:
-    """The parameters with the smallest errors among passes of least squares on signals filtered with 1/A."""
+    """The parameters with the smallest errors among least-squares passes on signals filtered with 1/A."""
     best, least = arx, np.inf
     free, one = arx, np.eye(1)
     for _ in range(_PASSES):

@@ -1,4 +1,4 @@
-"""What a fit of a polynomial model returns, and the way there that the polynomial methods share."""
+"""The result of a polynomial fit, and the steps that the polynomial methods share."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from identification.linear.regressors import SAMPLES_PER_COEFFICIENT, Series, so
 from identification.linear.scaled import Scaled
 from identification.linear.triangles import triangle_from
 
-_AT_CIRCLE = 0.999  # size of a root of C beyond which errors of long ago still count, and intervals do not hold
-# what a method does: from the errors and the least-squares parameters to its parameters, the starts (none: zeros), and
-# what is wrong with them, if anything is
+_AT_CIRCLE = 0.999  # largest magnitude of a root of C; above it, old errors still count, and intervals are invalid
+# maps the errors and the least-squares parameters to the method's parameters, the starts (None: zeros), and a
+# description of any problem
 Method = Callable[[Prediction, np.ndarray], tuple[np.ndarray, np.ndarray | None, str]]
 
 
 @dataclass(frozen=True, eq=False)
 class PolynomialFit:
-    """A polynomial model, and how sure its coefficients are.
+    """A polynomial model and the uncertainty of its coefficients.
 
-    estimates: a_j of `a1[depth_m]`, b_j of `b1[depth_m, stern_plane_rad]`, c_j, and what stands for the operating
-    point, `intercept[depth_m]`.  vector, covariance: (P,), (P, P), of the free parameters, output by output; none is
-    taken between outputs that are fitted apart.  noise: (p, p), covariance of the one-step errors.  samples: of all
-    outputs together.  freedom: samples less parameters, of the output that has fewest.  loss: (p,), mean square error.
+    estimates: a_j of `a1[depth_m]`, b_j of `b1[depth_m, stern_plane_rad]`, c_j, and `intercept[depth_m]`, which
+    represents the operating point.  vector, covariance: (P,), (P, P), of the free parameters, output by output; zero
+    between outputs that are fitted separately.  noise: (p, p), covariance of the one-step errors.  samples: of all
+    outputs together.  freedom: samples minus parameters, of the output with the fewest.  loss: (p,), mean square error.
     """
 
     model: Polynomial
@@ -48,15 +48,15 @@ class PolynomialFit:
 
     @property
     def parameters(self) -> int:
-        """Coefficients that were fitted, those of C too, without intercepts and starts."""
+        """Number of fitted coefficients, including those of C, without intercepts and starts."""
         return self.structure.parameters
 
     def at(self, vector: np.ndarray) -> Polynomial:
-        """The model of other parameters, in the order of `vector`."""
+        """The model for other parameters, in the order of `vector`."""
         return _model(self.structure, self.scaled, self.model.dt, vector)
 
     def __getitem__(self, name: str) -> Estimate:
-        """The estimate of this name; raises KeyError where there is none."""
+        """The estimate with this name; raises KeyError if there is none."""
         for estimate in self.estimates:
             if estimate.path == name:
                 return estimate
@@ -66,9 +66,9 @@ class PolynomialFit:
 def fit_coupled_outputs(
     name: str, records: Sequence[Record], structure: Structure, offset: bool, skip: int, method: Method
 ) -> PolynomialFit:
-    """The fit of a method to records, each group of coupled outputs by itself; raises on behalf of the method `name`.
+    """Fit a method to records, each group of coupled outputs by itself; errors name the method `name`.
 
-    skip: samples at the start of each segment that serve as lags only, at least.
+    skip: minimum number of samples at the start of each segment used only as lags.
     """
     if isinstance(skip, bool) or not isinstance(skip, int) or skip < 0:
         raise ValueError(f"{name} needs skip >= 0 as a whole number of samples, got {skip!r}.")
@@ -104,7 +104,7 @@ def fit_coupled_outputs(
                 "output_error if the noise is on the measurement"
             )
         problems |= {structure.outputs[n]: problem for n in numbers}
-    # coupled() lists outputs in order, so that the parts join as they come
+    # coupled() lists outputs in order, so the parts can be concatenated
     vector, covariance = np.concatenate([vectors[i] for i in range(p)]), blocks(covariances)
     return PolynomialFit(
         _model(structure, scaled, series.dt, vector),
@@ -121,7 +121,7 @@ def fit_coupled_outputs(
 
 
 def _least_squares(name: str, prediction: Prediction, k: int) -> np.ndarray:
-    """The parameters of an output without C; raises where the data do not determine them."""
+    """The parameters of an output without C; raises if the data do not determine them."""
     row = prediction.rows[k]
     problem = prediction.regressions[k]
     count = row.free + prediction.intercept
@@ -138,7 +138,7 @@ def _least_squares(name: str, prediction: Prediction, k: int) -> np.ndarray:
 
 
 def _covariance(prediction: Prediction, free: np.ndarray, starts: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """Of the parameters, for white errors of this covariance: the inverse of the information, starts estimated too."""
+    """Covariance of the parameters for white errors of this covariance: inverse information, with estimated starts."""
     floor = np.finfo(float).eps ** 2 * np.eye(len(noise))
     weight = np.linalg.cholesky(np.linalg.inv(noise + floor))
     about = linearised(prediction, free, starts, weight)
@@ -149,7 +149,7 @@ def _covariance(prediction: Prediction, free: np.ndarray, starts: np.ndarray, no
 
 
 def _noise(errors: dict[int, list[np.ndarray]], loss: np.ndarray, freedom: Sequence[int], samples: int) -> np.ndarray:
-    """Covariance of the one-step errors, between outputs over the rows that both have."""
+    """Covariance of the one-step errors; between two outputs, over the rows that both have."""
     p = len(loss)
     noise = np.empty((p, p))
     for i in range(p):
@@ -179,9 +179,10 @@ def _model(structure: Structure, scaled: Scaled, dt: float, vector: np.ndarray) 
 def _operating_point(
     a: np.ndarray, b: np.ndarray, intercepts: np.ndarray, scaled: Scaled
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Offsets of inputs and outputs with A(1) y - B(1) u = intercepts, as near to the means of the data as can be.
+    """Offsets of inputs and outputs with A(1) y - B(1) u = intercepts, as close to the means of the data as possible.
 
-    Near in units of the signals' spread: an integrating output, whose A(1) is zero, leaves its part to the inputs.
+    Distances are in units of the signals' spread.  For an integrating output, A(1) is zero, so only the inputs can
+    change.
     """
     means = np.r_[scaled.output_middle, scaled.input_middle]
     spread = np.r_[scaled.output_spread, scaled.input_spread]

@@ -19,9 +19,9 @@ from identification.linear.triangles import spans, triangle_of
 class Prediction:
     """The errors of some outputs' equations over all segments, as functions of their free parameters.
 
-    Predictions begin where all lags of inputs and outputs are in the segment. The errors before that, on which the
-    first ones depend by C, are unknown: they are estimated as starts and count as errors.  Channels come scaled, so
-    that coefficients are of order one; `free` is of such, row by row, with an intercept at the end of each.
+    Predictions begin where all lags of inputs and outputs are in the segment. The first ones depend, through C, on
+    unknown earlier errors; these are estimated as starts and count as errors.  Channels are scaled, so that
+    coefficients are of order one; `free` holds these coefficients row by row, each row ending with its intercept.
     """
 
     structure: Structure
@@ -38,17 +38,17 @@ class Prediction:
 
     @property
     def intercept(self) -> bool:
-        """Whether each equation has one: where middles were taken off."""
+        """Whether each equation has an intercept: if middles were subtracted."""
         return self.scaled.offset
 
     @property
     def samples(self) -> int:
-        """Predictions of each output."""
+        """Number of predictions of each output."""
         return sum(len(y) - self.first for y in self.scaled.y)
 
     @cached_property
     def free(self) -> int:
-        """How many parameters are fitted, with the intercepts."""
+        """Number of fitted parameters, including intercepts."""
         return sum(row.free + self.intercept for row in self.rows)
 
     @cached_property
@@ -62,16 +62,16 @@ class Prediction:
         return np.zeros((len(self.scaled.y), self.lags * len(self.rows)))
 
     def split(self, free: np.ndarray) -> list[np.ndarray]:
-        """The parameters of each row, with its intercept."""
+        """The parameters of each row, including its intercept."""
         ends = np.cumsum([row.free + self.intercept for row in self.rows])
         return np.split(free, ends[:-1])
 
     def terms(self, free: np.ndarray) -> np.ndarray:
-        """The values of all terms, row by row, with the intercepts."""
+        """The values of all terms, row by row, including the intercepts."""
         return self._base + self._mix @ free
 
     def c(self, free: np.ndarray) -> np.ndarray:
-        """C of the parameters, (powers, r, r) with the unit matrix first."""
+        """C for these parameters, (powers, r, r) with the unit matrix first."""
         c = np.zeros((self.lags + 1, len(self.rows), len(self.rows)))
         fill_c(self.terms(free), self.problem.late, c)
         return c
@@ -84,7 +84,7 @@ class Prediction:
         return np.split(joined, problem.at[1:-1])
 
     def triangle(self, free: np.ndarray, starts: np.ndarray, weight: np.ndarray) -> np.ndarray:
-        """R, (P, P), with R' R the normal matrix of the parameters, the starts solved for; without squaring.
+        """R, (P, P), with R' R the normal matrix of the parameters without the starts; it is not formed by squaring.
 
         weight: (r, r), applied to the errors of a sample.
         """
@@ -115,12 +115,12 @@ class Prediction:
 
     @cached_property
     def regressions(self) -> tuple[Regression, ...]:
-        """Each row's regression on what is measured, see `regression`."""
+        """Each row's regression on measured signals, see `regression`."""
         return tuple(regression(self.scaled, row, self.first, self.intercept) for row in self.rows)
 
     @cached_property
     def problem(self) -> Problem:
-        """The same for compiled code."""
+        """The same problem for compiled code."""
         local = {row.number: i for i, row in enumerate(self.rows)}
         listed, late = [], []
         kind = "a" if self.structure.tied else "c"
@@ -146,7 +146,7 @@ class Prediction:
 
     @cached_property
     def _mix(self) -> np.ndarray:
-        """The matrix from changes of the parameters to those of the terms, intercepts included."""
+        """The matrix from changes of the parameters to changes of the terms, including intercepts."""
         one = np.eye(int(self.intercept))
         return blocks([part for row in self.rows for part in (row.mix, one)])
 
@@ -155,7 +155,7 @@ class Prediction:
         return np.concatenate([np.r_[row.base, np.zeros(int(self.intercept))] for row in self.rows])
 
     def in_units(self) -> tuple[np.ndarray, np.ndarray]:
-        """Matrix and vector that take the parameters to those of the channels as they are, intercepts included."""
+        """Matrix and vector that convert the parameters to those of the unscaled channels, including intercepts."""
         matrix, shift = np.zeros((self.free, self.free)), np.zeros(self.free)
         at = 0
         for row in self.rows:
@@ -164,7 +164,7 @@ class Prediction:
             matrix[inside, inside] = scale
             at += row.free
             if self.intercept:
-                # A(1) middle_y - B(1) middle_u joins the intercept, C(1) times nothing does not
+                # A(1) middle_y - B(1) middle_u is added to the intercept; C adds nothing, as errors have no middle
                 outputs, inputs = self.scaled.output_middle, self.scaled.input_middle
                 middle = {"a": outputs, "b": -inputs, "c": np.zeros(outputs.size)}
                 middles = np.array([middle[term.kind][term.number] for term in row.terms])

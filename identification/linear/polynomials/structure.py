@@ -1,4 +1,4 @@
-"""Which coefficients of A(q) y = B(q) u + C(q) e are free: orders in, terms of each output's equation out."""
+"""The free coefficients of A(q) y = B(q) u + C(q) e: from orders to the terms of each output's equation."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FORMS = ("diagonal", "full")
 
 @dataclass(frozen=True)
 class Term:
-    """A coefficient: of a, b or c, at so many samples' lag, in the equation of an output; number: of its channel."""
+    """A coefficient of a, b or c at a lag in samples, in the equation of an output; number: of its channel."""
 
     kind: str
     output: str
@@ -28,7 +28,7 @@ class Term:
 
     @property
     def name(self) -> str:
-        """As in `a1[depth_m]` or `b1[depth_m, stern_plane_rad]`."""
+        """The name, as in `a1[depth_m]` or `b1[depth_m, stern_plane_rad]`."""
         other = "" if self.kind != "b" and self.channel == self.output else f", {self.channel}"
         return f"{self.kind}{self.lag}[{self.output}{other}]"
 
@@ -39,9 +39,9 @@ class Term:
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """The equation of an output: its terms have the values base + mix @ free, free being what is fitted.
+    """The equation of an output: its terms have the values base + mix @ free, where free are the fitted coefficients.
 
-    Without a fixed pole mix is the unit matrix and base zero.  first: the largest lag, samples.
+    Without a fixed pole, mix is the unit matrix and base is zero.  first: the largest lag, samples.
     """
 
     output: str
@@ -56,21 +56,21 @@ class Row:
 
     @property
     def free(self) -> int:
-        """How many coefficients are fitted, without an intercept."""
+        """Number of fitted coefficients, without an intercept."""
         return self.mix.shape[1]
 
     @cached_property
     def free_terms(self) -> tuple[Term, ...]:
-        """What to call each fitted coefficient: the term that it acts on first."""
+        """The name of each fitted coefficient: the first term that it affects."""
         return tuple(self.terms[int(np.argmax(column != 0.0))] for column in self.mix.T)
 
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """The orders of a polynomial model, by output and channel, and the equations that they make.
+    """The orders of a polynomial model, by output and channel, and the resulting equations.
 
-    n_a, n_c: (p, p).  n_b, delay: (p, m).  tied: C is A, an output-error model.  integrating: by output, whether its
-    column of A has a factor 1 - q, counted in n_a.
+    n_a, n_c: (p, p).  n_b, delay: (p, m).  tied: C equals A, an output-error model.  integrating: by output, whether
+    its column of A has a factor 1 - q, counted in n_a.
     """
 
     inputs: tuple[str, ...]
@@ -96,7 +96,7 @@ class Structure:
         integrating: Sequence[str] = (),
         tied: bool = False,
     ) -> Structure:
-        """The structure of an estimator's settings; raises, on behalf of the estimator `name`, where they cannot be."""
+        """The structure for an estimator's settings; raises, naming the estimator `name`, if they are impossible."""
         check_channels(name, inputs, outputs)
         if form not in FORMS:
             raise ValueError(f"{name} needs structure to be one of {', '.join(FORMS)}, got {form!r}.")
@@ -132,17 +132,17 @@ class Structure:
 
     @property
     def parameters(self) -> int:
-        """Free coefficients of A, B and C, for which criteria of order charge; intercepts and starts are not among."""
+        """Number of free coefficients of A, B and C for order criteria, without intercepts and starts."""
         return sum(row.free for row in self.rows)
 
     def coupled(self) -> list[list[int]]:
-        """Numbers of the outputs that are fitted together: those whose equations share errors."""
+        """Numbers of the outputs that are fitted together because their equations share errors."""
         p = len(self.outputs)
         shared = (self.n_c - np.diag(np.diag(self.n_c))).any()
         return [list(range(p))] if shared else [[i] for i in range(p)]
 
     def arrays(self, values: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """a, b and c as a Polynomial has them, from the values of each row's terms."""
+        """a, b and c in the form of a Polynomial, from the values of each row's terms."""
         p, m = len(self.outputs), len(self.inputs)
         last = int(max((self.delay + self.n_b - 1)[self.n_b > 0], default=0))
         a = np.zeros((int(self.n_a.max(initial=0)) + 1, p, p))
@@ -185,16 +185,16 @@ class Structure:
 
 
 class ByOrders:
-    """What makes equations of the settings that estimators of polynomial models have; the settings: see `Arx`."""
+    """The equations for the settings that estimators of polynomial models share; the settings: see `Arx`."""
 
-    tied: ClassVar[bool] = False  # whether C is A
+    tied: ClassVar[bool] = False  # whether C equals A
 
     def __post_init__(self) -> None:
         _ = self.orders
 
     @cached_property
     def orders(self) -> Structure:
-        """The equations that these settings make."""
+        """The equations for these settings."""
         asked: Any = self
         return Structure.of(
             type(self).__name__,
@@ -211,19 +211,19 @@ class ByOrders:
 
 
 def check_channels(name: str, inputs: Sequence[str], outputs: Sequence[str]) -> None:
-    """Raises, on behalf of the estimator `name`, if the channels cannot be those of a model."""
+    """Raise an error, naming the estimator `name`, if these cannot be the channels of a model."""
     for what, names in (("inputs", inputs), ("outputs", outputs)):
         if isinstance(names, str) or not names or len(set(names)) != len(names):
             raise ValueError(f"{name} needs {what} as a list of different channel names, got {names!r}.")
         for channel_name in names:
-            channel(channel_name)  # raises on an unknown one
+            channel(channel_name)  # raises if it is unknown
     both = set(inputs) & set(outputs)
     if both:
         raise ValueError(f"{name} got {', '.join(sorted(both))} as input and as output: choose one.")
 
 
 def blocks(parts: Sequence[np.ndarray]) -> np.ndarray:
-    """The matrix with these blocks on its diagonal, which need not be square."""
+    """The block-diagonal matrix of these blocks, which need not be square."""
     result = np.zeros((sum(len(part) for part in parts), sum(part.shape[1] for part in parts)))
     row = column = 0
     for part in parts:

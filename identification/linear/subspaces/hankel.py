@@ -1,4 +1,4 @@
-"""Triangular factors of tall matrices, block Hankel ones among them: all windows of a length, of all segments."""
+"""Triangular factors of tall matrices, including block Hankel ones: all windows of one length in all segments."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from identification.linear.triangles import spans, triangle_from
 
 
 def rows_of(parts: Sequence[np.ndarray], length: int) -> int:
-    """How many windows of this length the segments have."""
+    """Number of windows of this length in the segments."""
     return sum(max(len(part) - length + 1, 0) for part in parts)
 
 
@@ -25,7 +25,7 @@ def triangle(parts: Sequence[np.ndarray], length: int, columns: np.ndarray) -> n
 
 
 def _normal_matrix(parts: Sequence[np.ndarray], length: int) -> np.ndarray:
-    """[1, windows]' [1, windows]: a block is the one up and left of it, with a row more and one less."""
+    """The matrix [1, windows]' [1, windows]; each block is its upper left neighbour plus one row and minus another."""
     q = parts[0].shape[1]
     total = np.zeros((1 + length * q, 1 + length * q))
     for z in parts:

@@ -1,4 +1,4 @@
-"""What a long predictor tells before states are chosen: how much of the past is needed, and which poles are at 1."""
+"""A long predictor, and what it shows before states are chosen: the length of past needed, and poles at 1."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from identification.linear.scaled import Scaled
 from identification.linear.subspaces.hankel import rows_of, triangle
 from identification.linear.triangles import triangle_of
 
-SHORTEST, LONGEST = 4, 30  # samples, of a horizon that is not given
-_LONGER = 2  # times the lags that AIC asks for, so that what is cut off stays below the noise
-_ROWS_PER_LAG = 6  # times the channels
-_NOISELESS = 1e-9  # error over the spread of an output below which it is rounding
+SHORTEST, LONGEST = 4, 30  # samples, if no horizon is given
+_LONGER = 2  # times the lags that AIC chooses, so that the truncation error stays below the noise
+_ROWS_PER_LAG = 6  # rows per lag, times the channels
+_NOISELESS = 1e-9  # ratio of the error to an output's spread below which it is rounding
 
 
 def most_predictor_lags(series: Series, channels: int) -> int:
-    """The most lags that a predictor of this record is tried with."""
+    """The most lags of a predictor that are tried for this record."""
     rows = rows_of(series.y, SHORTEST + 1)
     return max(min(LONGEST, (rows - LONGEST) // (_ROWS_PER_LAG * channels)), SHORTEST)
 
 
 @dataclass(frozen=True, eq=False)
 class LongPredictor:
-    """A regression of the outputs on a number of lags of inputs and outputs, and so on all fewer lags.
+    """A regression of the outputs on a number of lags of inputs and outputs, and thereby on all fewer lags.
 
     factor: R of [1, lags, outputs], the latest lag first.  rows: of the regression.
     """
@@ -37,20 +37,20 @@ class LongPredictor:
 
     @classmethod
     def of(cls, scaled: Scaled, lags: int) -> LongPredictor:
-        """The predictor of this length; the segments must have windows of a sample more."""
+        """The predictor of this length; the segments must have windows of one more sample."""
         q, p = scaled.inputs + scaled.outputs, scaled.outputs
         at = np.arange((lags + 1) * q).reshape(lags + 1, q)
         columns = np.concatenate([at[lags - 1 :: -1].ravel(), at[-1, -p:]])
         return cls(triangle(scaled.joint, lags + 1, columns), lags, rows_of(scaled.y, lags + 1), scaled)
 
     def shortened(self, lags: int) -> LongPredictor:
-        """The predictor of the same rows with fewer lags."""
+        """The predictor with fewer lags over the same rows."""
         q, p = self.scaled.inputs + self.scaled.outputs, self.scaled.outputs
         kept = np.r_[np.arange(1 + lags * q), np.arange(1 + self.lags * q, 1 + self.lags * q + p)]
         return LongPredictor(self.factor[:, kept], lags, self.rows, self.scaled)
 
     def horizon(self, least: int) -> int:
-        """Twice the lags that AIC takes, at least `least` and at most all; AIC as corrected for few samples.
+        """Twice the lags that AIC chooses, at least `least` and at most all; AIC is corrected for few samples.
 
         Source: Bauer 2005, Estimating linear dynamical systems using subspace methods, Econometric Theory 21, sec. 5;
         Hurvich and Tsai 1993, A corrected Akaike information criterion for vector autoregressive model selection.
@@ -70,9 +70,9 @@ class LongPredictor:
 
     @property
     def integrators(self) -> int:
-        """How many poles are at exactly 1, at most one an output, by BIC; none in a record without noise.
+        """Number of poles at exactly 1, at most one per output, chosen by BIC; none in a record without noise.
 
-        With r of them the outputs' changes depend on p - r combinations of the outputs' levels beside all lags of
+        With r such poles, the changes of the outputs depend on p - r combinations of their levels, beside all lags of
         changes and inputs: the rank of a regression, whose likelihood follows from canonical correlations.
         Source: Johansen 1991, Econometrica 59; Cheng and Phillips 2009, Semiparametric cointegrating rank selection,
         Econometrics Journal 12, for BIC.

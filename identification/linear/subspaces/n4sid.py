@@ -1,4 +1,4 @@
-"""N4SID: state-space models from projections of the future on the past."""
+"""N4SID: state-space models by projecting the future onto the past."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from identification.linear.subspaces.subspace import (
     least_horizon,
 )
 
-_DROPPED = 1e-10  # singular value over the largest, below which a direction is rounding
+_DROPPED = 1e-10  # relative singular value below which a direction is rounding
 WEIGHTS = ("cva", "n4sid", "moesp")
 
 
@@ -32,10 +32,10 @@ WEIGHTS = ("cva", "n4sid", "moesp")
 class N4sid:
     """State space by the projection of future outputs onto the past, orthogonal to future inputs.
 
-    horizon: samples of the past and of the future, by default twice the lags that AIC chooses, or what the record
+    horizon: samples of the past and of the future, by default twice the lags that AIC chooses, or as many as the record
     allows.  weight: of the future, "cva" (canonical variates), "n4sid" or "moesp".  order, integrators, offset, stable,
     refine: see `subspace.Settings`.
-    In closed loop it is biased by the noise that the inputs repeat; see Pbsid.
+    It is biased in closed loop, because the inputs depend on past noise; see Pbsid.
     Source: Van Overschee and De Moor 1996, Subspace Identification for Linear Systems, ch. 4.
 
     Example:
@@ -66,7 +66,7 @@ class N4sid:
             raise ValueError(f"N4sid needs a weight of {', '.join(WEIGHTS)}, got {self.weight!r}.")
 
     def fit(self, *records: Record) -> StateSpaceFit:
-        """Fit over all segments of all records, each with its own start; raises if the data cannot tell the model."""
+        """Fit over all segments of all records, each with its own start; raises if the data do not determine it."""
         series = Series.of(records, self.inputs, self.outputs, "N4sid")
         scaled = Scaled.of(series, self.offset is not False, "N4sid")
         longest = self._longest(series, scaled)
@@ -76,7 +76,7 @@ class N4sid:
         return finished(self, series, scaled, states, predictor.shortened(horizon))
 
     def _longest(self, series: Series, scaled: Scaled) -> int:
-        """The horizon asked for or the longest to choose from; raises where the record is too short for it."""
+        """The requested horizon, or the longest to choose from; raises if the record is too short for it."""
         q = scaled.inputs + scaled.outputs
 
         def needed(horizon: int) -> int:
@@ -105,7 +105,7 @@ class N4sid:
         given, known = 1 + future_u.size, 1 + future_u.size + past.size
         check_excitation("N4sid", lower[1:given, 1:given].T, series, horizon)
         own, told, rest = lower[given:known, given:known], lower[known:, given:known], lower[known:, known:]
-        prediction = told @ np.linalg.pinv(own, rcond=_DROPPED)  # of the future, by the past alone
+        prediction = told @ np.linalg.pinv(own, rcond=_DROPPED)  # of the future from the past alone
         if self.weight == "cva":
             left, size, _ = np.linalg.svd(np.concatenate([told, rest], axis=1), full_matrices=False)
             kept = size > _DROPPED * size[0]

@@ -1,4 +1,4 @@
-"""PBSID: state-space models from a long predictor, in open and in closed loop."""
+"""PBSID: state-space models from a long predictor, in open or closed loop."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from identification.linear.subspaces.subspace import (
     least_horizon,
 )
 
-_ROWS_NEEDED = 2  # times the coefficients, below which a predictor follows the noise
-_DROPPED = 1e-10  # singular value over the largest, below which a direction is rounding
+_ROWS_NEEDED = 2  # times the number of coefficients; with fewer rows, a predictor would follow the noise
+_DROPPED = 1e-10  # relative singular value below which a direction is rounding
 
 
 @dataclass(frozen=True)
 class Pbsid:
-    """State space from a one-step predictor in `horizon` lags of inputs and outputs: unbiased in closed loop too.
+    """State space from a one-step predictor in `horizon` lags of inputs and outputs; unbiased in closed loop, too.
 
-    horizon: lags, of the past and of the future; by default twice those that AIC chooses.  order, integrators, offset,
-    stable, refine: see `subspace.Settings`; unstable poles may be true ones here.
-    Needs a delay in the loop: the input must not see the output of its own sample before it is written down.
+    horizon: lags of the past and of the future; by default twice those that AIC chooses.  order, integrators, offset,
+    stable, refine: see `subspace.Settings`; unstable poles may be real here.
+    It needs a delay in the loop: the input must not depend on the output of the same sample.
     Source: Chiuso 2007, The role of vector autoregressive modeling in predictor-based subspace identification,
     Automatica 43; van der Veen, van Wingerden, Bergamasco, Lovera and Verhaegen 2013, IET Control Theory A. 7.
 
@@ -62,7 +62,7 @@ class Pbsid:
         check_settings(self)
 
     def fit(self, *records: Record) -> StateSpaceFit:
-        """Fit over all segments of all records, each with its own start; raises if the data cannot tell the model."""
+        """Fit over all segments of all records, each with its own start; raises if the data do not determine it."""
         series = Series.of(records, self.inputs, self.outputs, "Pbsid")
         scaled = Scaled.of(series, self.offset is not False, "Pbsid")
         predictor = self._predictor(series, scaled)
@@ -70,7 +70,7 @@ class Pbsid:
         return finished(self, series, scaled, states, predictor)
 
     def _predictor(self, series: Series, scaled: Scaled) -> LongPredictor:
-        """The predictor with as many lags as asked for or chosen; raises where the record cannot tell it."""
+        """The predictor with the requested or chosen lags; raises if the record does not determine it."""
         q, p = scaled.inputs + scaled.outputs, scaled.outputs
         longest = self.horizon or most_predictor_lags(series, q)
         if rows_of(series.y, longest + 1) < _ROWS_NEEDED * (longest * q + 1):
@@ -84,13 +84,13 @@ class Pbsid:
         return found if self.horizon else found.shortened(found.horizon(least_horizon(self.order, p)))
 
     def _states(self, factor: np.ndarray, horizon: int, scaled: Scaled) -> States:
-        """States from the predictor's coefficients, of which those of an earlier sample are the same, one lag on."""
+        """States from the predictor's coefficients; those for an earlier sample are the same, shifted by one lag."""
         q, p = scaled.inputs + scaled.outputs, scaled.outputs
         lags = factor[1 : 1 + horizon * q, 1 : 1 + horizon * q]
         predictor = np.linalg.lstsq(lags, factor[1 : 1 + horizon * q, -p:], rcond=_DROPPED)[0].T
         left = factor[1 + horizon * q :, -p:]
         errors = left.T @ left / np.sum(factor[1:, -p:] ** 2, axis=0) + _DROPPED * np.eye(p)
-        apart = np.linalg.inv(np.linalg.cholesky(errors))  # in units of the errors no output outweighs another
+        apart = np.linalg.inv(np.linalg.cholesky(errors))  # in units of the errors, so that no output outweighs another
         future = np.zeros((horizon, p, horizon * q))
         for ahead in range(horizon):
             future[ahead, :, : (horizon - ahead) * q] = apart @ predictor[:, ahead * q :]

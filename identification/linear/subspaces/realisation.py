@@ -1,4 +1,4 @@
-"""Matrices of an innovations form with a drift and a level, and the model that they are."""
+"""Matrices of an innovations form with a drift and a level, and the corresponding model."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from identification.linear.scaled import Scaled
 
 @dataclass(frozen=True, eq=False)
 class Realisation:
-    """x(t+1) = a x + b u + k e + drift,  y = c x + level + e.
+    """The innovations form x(t+1) = a x + b u + k e + drift,  y = c x + level + e.
 
     A drift cannot always be moved into the level: an integrator keeps it.
-    integrators: how many states, the first ones, are sums: their rows of `a` are those of the unit matrix.  rest: where
-    zero input is, (m,), if it leaves these where they are; None where their drift is free.
+    integrators: number of leading states that are sums; their rows of `a` are those of the unit matrix.  rest: the
+    value of zero input, (m,), if the integrators stay at rest there; None if their drift is free.
     """
 
     a: np.ndarray
@@ -31,25 +31,25 @@ class Realisation:
 
     @cached_property
     def predictor(self) -> np.ndarray:
-        """What the state of the one-step predictor is multiplied with, a - k c."""
+        """The state matrix of the one-step predictor, a - k c."""
         return self.a - self.k @ self.c
 
     @property
     def parameters(self) -> int:
-        """What no choice of states can change: n (m + 2 p) numbers, without those that integrators settle."""
+        """Number of parameters, whatever the choice of states: n (m + 2 p), minus those fixed by integrators."""
         n, m = self.b.shape
         return n * (m + 2 * len(self.c)) - self.integrators * (self.integrators + (self.rest is not None))
 
     @property
     def summed(self) -> np.ndarray:
-        """How far the outputs follow the integrators once all else has settled, (p, integrators)."""
+        """How strongly the outputs follow the integrators once all else has settled, (p, integrators)."""
         r, rest = self.integrators, len(self.a) - self.integrators
         settled = np.linalg.lstsq(np.eye(rest) - self.a[r:, r:], self.a[r:, :r], rcond=None)[0]
         return self.c[:, :r] + self.c[:, r:] @ settled
 
     @property
     def settled(self) -> np.ndarray:
-        """Which entries integrators settle, (P,): their rows of `a`, and in units their drift where they rest."""
+        """Which entries are fixed by integrators, (P,): their rows of `a` and, in units, their drift if they rest."""
         fixed = [np.zeros(part.shape, dtype=bool) for part in self.parts]
         fixed[0][: self.integrators] = True
         if self.rest is not None and not self.rest.any():
@@ -66,14 +66,14 @@ class Realisation:
         return self.a, self.b, self.c, self.k, self.drift, self.level
 
     def at(self, vector: np.ndarray) -> Realisation:
-        """The realisation of these shapes with other entries."""
+        """The realisation of the same shapes with other entries."""
         ends = np.cumsum([part.size for part in self.parts])[:-1]
         names = ("a", "b", "c", "k", "drift", "level")
         values = (v.reshape(part.shape) for v, part in zip(np.split(vector, ends), self.parts))
         return replace(self, **dict(zip(names, values, strict=True)))
 
     def in_units(self, scaled: Scaled) -> Realisation:
-        """The same between the signals themselves instead of the scaled ones."""
+        """The realisation for the unscaled signals."""
         b = self.b / scaled.input_spread
         return Realisation(
             self.a,
@@ -87,20 +87,20 @@ class Realisation:
         )
 
     def turned(self, turn: np.ndarray) -> Realisation:
-        """The same with states `turn` x; turn: orthonormal."""
+        """The realisation with states `turn` x; turn: orthonormal."""
         back = turn.T
         return replace(
             self, a=turn @ self.a @ back, b=turn @ self.b, c=self.c @ back, k=turn @ self.k, drift=turn @ self.drift
         )
 
     def shifted(self, shift: np.ndarray) -> Realisation:
-        """The same with states counted from `shift`."""
+        """The realisation with states measured from `shift`."""
         return replace(self, drift=self.drift + self.a @ shift - shift, level=self.level + self.c @ shift)
 
     def centred(self, scaled: Scaled) -> tuple[Realisation, np.ndarray, np.ndarray]:
-        """The same with states counted from an operating point, so that drift = -b offset; the offset; the shift.
+        """The realisation with states measured from an operating point, where drift = -b offset; offset; shift.
 
-        self: in units.  Of all operating points that of least distance to the signals' middles, in their spreads.
+        self: in units.  The operating point is the one closest to the signals' middles, in units of their spreads.
         """
         n, m = self.b.shape
         if not scaled.offset:
@@ -121,7 +121,7 @@ class Realisation:
         return self.shifted(shift), offset, shift
 
     def model(self, like: StateSpace, offset: np.ndarray) -> StateSpace:
-        """The model with the channels of another; self: centred, with this input offset."""
+        """The model with the channels of `like`; self: centred, with this input offset."""
         return StateSpace(
             self.a,
             self.b,

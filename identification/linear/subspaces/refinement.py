@@ -1,4 +1,4 @@
-"""Prediction-error refinement of a state-space model in innovations form, all its matrices free."""
+"""Prediction-error refinement of a state-space model in innovations form with all matrices free."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from identification.linear.subspaces.state_space_fit import StateSpaceFit, fit_o
 from identification.linear.triangles import spans
 
 _ITERATIONS = 60
-_FLAT = 1e-9  # expected fall of the loss per sample at which a descent ends
-_DAMPING = 1e-3  # at the start, over the diagonal of the normal matrix
+_FLAT = 1e-9  # expected reduction of the loss per sample that ends a descent
+_DAMPING = 1e-3  # initial value, relative to the diagonal of the normal matrix
 _LARGEST_DAMPING = 1e10
-_ROUNDING = 1e-10  # error over the spread of an output below which errors are rounding
-_FADED = 1e-60  # slope of the state by its start, below which it is none
-_STABLE = 1.0 - 1e-6  # largest size of a predictor's pole
+_ROUNDING = 1e-10  # ratio of the error to an output's spread below which it is rounding
+_FADED = 1e-60  # derivative of the state by its start that counts as zero
+_STABLE = 1.0 - 1e-6  # largest magnitude of a predictor's pole
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A realisation with the states that its segments start in, (segments, n), and its one-step errors, (rows, p)."""
+    """A realisation with the initial states of its segments, (segments, n), and its one-step errors, (rows, p)."""
 
     found: Realisation
     starts: np.ndarray
@@ -34,13 +34,13 @@ class Candidate:
 
     @cached_property
     def spread(self) -> np.ndarray:
-        """Mean square of the errors, (p, p), kept away from zero where they are rounding."""
+        """Mean square of the errors, (p, p), kept away from zero for noise-free data."""
         p = self.errors.shape[1]
         return self.errors.T @ self.errors / len(self.errors) + _ROUNDING**2 * np.eye(p)
 
     @cached_property
     def loss(self) -> float:
-        """log det of the errors' mean square; least where the likelihood of normal errors is largest."""
+        """The log determinant of the errors' mean square; its minimum maximises the likelihood of normal errors."""
         sign, value = np.linalg.slogdet(self.spread)
         return float(value) if sign > 0.0 and np.isfinite(value) else np.inf
 
@@ -49,8 +49,8 @@ class Candidate:
 class Slopes:
     """Normal equations of the errors, weighted with the inverse of their mean square.
 
-    matrix, gradient: by the local coordinates, the starts solved for.  start_matrices, mixed, start_gradients: of each
-    segment, from which its start follows.
+    matrix, gradient: for the local coordinates, with the starts eliminated.  start_matrices, mixed, start_gradients:
+    for each segment, to recover its start.
     """
 
     matrix: np.ndarray
@@ -76,12 +76,12 @@ def refined(
     iterations: int = _ITERATIONS,
     singular_values: np.ndarray | None = None,
 ) -> StateSpaceFit:
-    """The model of least one-step errors, log det of their mean square, that a descent from another reaches.
+    """Refine a model by minimising the log determinant of its one-step errors' mean square.
 
-    found: between scaled signals, with a stable predictor.  stable: whether no pole may leave the unit circle.  Each
-    segment has a start of its own.
-    Gauss-Newton steps with Levenberg's damping in the directions that change more than the choice of states; the
-    predictor stays stable, the model need not be.  Intervals follow from the normal matrix at the end.
+    found: between scaled signals, with a stable predictor.  stable: whether all poles must stay inside the unit circle.
+    Each segment has a start of its own.
+    Damped Gauss-Newton steps are taken in the directions that change more than the choice of states; the predictor
+    stays stable, the model need not be.  Intervals follow from the normal matrix at the end.
     Source: McKelvey, Helmersson and Ribarits 2004, Data driven local coordinates for multivariable linear systems and
     their application to system identification, Automatica 40; Ljung 1999, sec. 7.2, 9.4.
     """
@@ -91,7 +91,7 @@ def refined(
 
 
 def covariance_of(here: Candidate, scaled: Scaled) -> tuple[np.ndarray, int]:
-    """The covariance of the entries at the end of a descent, (P, P), and how many numbers were fitted, starts too."""
+    """The covariance of the entries after a descent, (P, P), and how many numbers were fitted, including starts."""
     samples, directions = here.errors.size, local_directions(here.found, scaled.offset)
     free = directions.shape[1] + here.starts.size
     covariance = (
@@ -99,14 +99,14 @@ def covariance_of(here: Candidate, scaled: Scaled) -> tuple[np.ndarray, int]:
         @ np.linalg.pinv(realisation_normal_equations(here, scaled, directions).matrix, hermitian=True)
         @ directions.T
     )
-    # the spread was divided by rows, an unbiased one is divided by what the fitted numbers leave
+    # the spread was divided by the rows; divide by the remaining degrees of freedom instead
     return covariance * samples / (samples - free), free
 
 
 def descended(
     scaled: Scaled, found: Realisation, stable: bool = False, iterations: int = _ITERATIONS
 ) -> tuple[Candidate, int]:
-    """The model of least errors that a descent from another reaches, and after how many iterations."""
+    """The model with the least errors that a descent reaches, and the number of iterations."""
     rows = sum(len(y) for y in scaled.y)
     free = local_directions(found, scaled.offset).shape[1] + len(scaled.y) * len(found.a)
     if rows * scaled.outputs <= 2 * free:
@@ -135,19 +135,19 @@ def descended(
 
 
 def local_directions(found: Realisation, offset: bool) -> np.ndarray:
-    """Changes of a realisation's entries across those that a change of the states makes, orthonormal, (P, free).
+    """Changes of a realisation's entries orthogonal to those by a change of states, orthonormal, (P, free).
 
-    offset: whether drift and level are free, and the states' origin with them.  Integrators stay what they are, and
+    offset: whether drift and level are free, and with them the origin of the states.  Integrators stay integrators, and
     stay at rest at their input.
     """
     a, b, c, k, drift, level = found.parts
     n, r = len(a), found.integrators
     one, ends = np.eye(n), drift.size + level.size
-    # of the states by 1 + turn: turn a - a turn, turn b, -c turn, turn k, turn drift
+    # for states changed by 1 + turn: turn a - a turn, turn b, -c turn, turn k, turn drift
     turned = [np.kron(one, a.T) - np.kron(a, one), np.kron(one, b.T), -np.kron(c, one), np.kron(one, k.T)]
     turned += [np.kron(one, drift), np.zeros((level.size, n * n))]
     sums_only = np.ones((n, n), dtype=bool)
-    sums_only[:r, r:] = False  # a sum plus another state is none
+    sums_only[:r, r:] = False  # a sum plus another state is no longer a sum
     along = np.concatenate(turned)[:, sums_only.ravel()]
     every = np.eye(len(along))
     held = [every[:, : r * n]]
@@ -163,12 +163,12 @@ def local_directions(found: Realisation, offset: bool) -> np.ndarray:
     barred = np.concatenate([along, beyond, *held], axis=1)
     across, _ = np.linalg.qr(barred, mode="complete")
     directions = across[:, barred.shape[1] :]
-    directions[: r * n] = 0.0  # rounding
+    directions[: r * n] = 0.0  # remove rounding
     return directions
 
 
 def started(found: Realisation, scaled: Scaled) -> Candidate:
-    """The realisation with the starts of least errors."""
+    """The realisation with the starts that minimise its errors."""
     at_rest = candidate(found, np.zeros((len(scaled.y), len(found.a))), scaled)
     none = np.zeros((found.vector.size, 0))
     slopes = realisation_normal_equations(at_rest, scaled, none, np.eye(scaled.outputs))
@@ -178,7 +178,7 @@ def started(found: Realisation, scaled: Scaled) -> Candidate:
 def moved(
     here: Candidate, scaled: Scaled, change: np.ndarray, start_change: np.ndarray, stable: bool
 ) -> Candidate | None:
-    """The candidate with these changes; none where its predictor is unstable, or the model and it must not be."""
+    """The candidate after these changes; None if its predictor is unstable, or if the model is and must not be."""
     found = here.found.at(here.found.vector + change)
     if not np.abs(np.linalg.eigvals(found.predictor)).max() < _STABLE:
         return None
@@ -190,7 +190,7 @@ def moved(
 def realisation_normal_equations(
     here: Candidate, scaled: Scaled, directions: np.ndarray, weight: np.ndarray | None = None
 ) -> Slopes:
-    """The normal equations about a candidate; weight: of the errors, default the inverse of their mean square."""
+    """The normal equations at a candidate; weight: of the errors, default the inverse of their mean square."""
     found, count = here.found, directions.shape[1]
     n, p = len(found.a), len(found.c)
     root = np.linalg.cholesky(np.linalg.inv(here.spread) if weight is None else weight).T
@@ -222,9 +222,10 @@ def realisation_normal_equations(
 
 
 def _forces(found: Realisation, directions: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What state, input, error and one add to the slopes of states, (signals, n J), and `root` errors, (signals, p J).
+    """Inputs to the derivatives of states, (signals, n J), and of `root` errors, (signals, p J).
 
-    J: the local coordinates, then the start, which moves the states at once and then nothing more.
+    The signals are state, input, error and one.  J: the local coordinates, then the start, which only sets the initial
+    derivative of the states.
     """
     n, m = found.b.shape
     p, count = len(found.c), directions.shape[1]
@@ -241,7 +242,7 @@ def _forces(found: Realisation, directions: np.ndarray, root: np.ndarray) -> tup
 
 
 def candidate(found: Realisation, starts: np.ndarray, scaled: Scaled) -> Candidate:
-    """A realisation with starts, run over all segments."""
+    """A realisation with given starts, run over all segments."""
     driven = [u @ found.b.T + (y - found.level) @ found.k.T + found.drift for u, y in zip(scaled.u, scaled.y)]
     ends = np.cumsum([0, *(len(y) for y in scaled.y)])
     states = np.concatenate(driven)
@@ -253,7 +254,7 @@ def candidate(found: Realisation, starts: np.ndarray, scaled: Scaled) -> Candida
 
 @compiled
 def _states(a, ends, starts, x):
-    """States of segments, in place of what drives them, x, (rows, n)."""
+    """Replace the inputs of the state equation, x, (rows, n), by the states of the segments."""
     n = a.shape[0]
     held = np.empty(n)
     for segment in range(ends.size - 1):
@@ -271,9 +272,10 @@ def _states(a, ends, starts, x):
 
 @compiled
 def _slopes(a, c, slope, states, errors):
-    """Slopes of errors, (rows, p, J), added to what enters them; slope: of the state, (n, J), at the first row.
+    """Derivatives of errors, (rows, p, J), added to the direct ones; slope: of the state, (n, J), at the first row.
 
-    states: what drives its slopes, (rows, n, J), the last n not at all.  slope leaves as that past the last row.
+    states: inputs to the state derivatives, (rows, n, J); the last n have none.  On return, slope is that after the
+    last row.
     """
     n, p, count = a.shape[0], c.shape[0], slope.shape[1]
     after = np.empty((n, count))
@@ -284,7 +286,7 @@ def _slopes(a, c, slope, states, errors):
             for i in range(n):
                 for j in range(count - n, count):
                     largest = max(largest, abs(slope[i, j]))
-            if largest < _FADED:  # numbers too small for their exponent take a hundred times longer
+            if largest < _FADED:  # denormal numbers would be a hundred times slower
                 slope[:, count - n :] = 0.0
                 fading = False
         for i in range(n):

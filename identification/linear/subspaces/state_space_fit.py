@@ -1,4 +1,4 @@
-"""What a fit of a state-space model returns, and how the subspace methods end."""
+"""The result of a state-space fit, and the final step of the subspace methods."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from identification.linear.scaled import Scaled
 from identification.linear.subspaces.realisation import Realisation
 from identification.linear.uncertainty import PoleInterval, pole_intervals, response_band
 
-_INTEGRATES = 1e-3  # distance of a pole from 1 below which a steady gain means nothing
+_INTEGRATES = 1e-3  # distance of a pole from 1 below which a steady gain has no meaning
 NO_INTERVAL = "subspace estimates have no interval: refine=True gives one"
 
 
 @dataclass(frozen=True, eq=False)
 class StateSpaceFit:
-    """A model in innovations form, and how sure what follows from it is.
+    """A model in innovations form, and the uncertainty of what follows from it.
 
-    vector, covariance: of all entries of a, b, c, k, of the drift that the operating point stands for and of the level
-    of the outputs, (P,), (P, P); as states can be chosen in many ways only what does not depend on the choice has
-    errors of its own: poles, responses, free runs.  NaN in the covariance where no refinement gave one.
-    noise: covariance of the one-step errors.  freedom: samples less free parameters and starts.  samples: of all
-    outputs together.  loss: (p,), mean square one-step errors.  singular_values: of the subspace method, if one began.
-    iterations: of the refinement.  horizon: samples, of the subspace method.  notes: what it chose, in words.
+    vector, covariance: of all entries of a, b, c, k, of the drift (for the operating point) and of the level of the
+    outputs, (P,), (P, P).  Since states can be chosen in many ways, only quantities that do not depend on this choice
+    have errors of their own: poles, responses, free runs.  The covariance is NaN without a refinement.
+    noise: covariance of the one-step errors.  freedom: samples minus free parameters and starts.  samples: of all
+    outputs together.  loss: (p,), mean square one-step errors.  singular_values: of the subspace method, if there was
+    one.  iterations: of the refinement.  horizon: samples, of the subspace method.  notes: its choices, in words.
     """
 
     model: StateSpace
@@ -52,25 +52,25 @@ class StateSpaceFit:
 
     @property
     def parameters(self) -> int:
-        """What no choice of states can change: n (m + 2 p) numbers, without those that integrators settle."""
+        """Number of parameters, whatever the choice of states: n (m + 2 p), minus those fixed by integrators."""
         return self.centre.parameters
 
     @property
     def integrating(self) -> tuple[str, ...]:
-        """The outputs that follow the integrators most, as many as there are of these."""
+        """The outputs that follow the integrators most, one for each integrator."""
         share = np.linalg.norm(self.centre.summed, axis=1) / self.scaled.output_spread
         return tuple(self.model.outputs[i] for i in sorted(np.argsort(-share)[: self.centre.integrators]))
 
     def at(self, vector: np.ndarray) -> StateSpace:
-        """The model of other parameters, in the order of `vector`."""
+        """The model for other parameters, in the order of `vector`."""
         found, offset, _ = self.centre.at(np.asarray(vector, dtype=float)).centred(self.scaled)
         return found.model(self.model, offset)
 
     @property
     def estimates(self) -> tuple[Estimate, ...]:
-        """Poles, `pole 1` or of a pair `pole 1 (real)` and `pole 1 (imaginary)`, and `gain[output, input]` at rest.
+        """Poles, `pole 1` or for a pair `pole 1 (real)` and `pole 1 (imaginary)`, and gains `gain[output, input]`.
 
-        No gains where a pole is, or may be, at 1.
+        Gains are steady ones; there are none if a pole is, or may be, at 1.
         """
         return self._estimates
 
@@ -89,7 +89,7 @@ class StateSpaceFit:
         return tuple(replace(estimate, problem=NO_INTERVAL) for estimate in found)
 
     def __getitem__(self, name: str) -> Estimate:
-        """The estimate of this name; raises KeyError where there is none."""
+        """The estimate with this name; raises KeyError if there is none."""
         for estimate in self.estimates:
             if estimate.path == name:
                 return estimate
@@ -126,9 +126,9 @@ def fit_of(
     singular_values: np.ndarray | None = None,
     iterations: int = 0,
 ) -> StateSpaceFit:
-    """The fit of a realisation between scaled signals, with its one-step errors there, (rows, p).
+    """The fit for a realisation between scaled signals and its one-step errors there, (rows, p).
 
-    fitted: how many numbers were, starts and all.  covariance: of the realisation's entries, if it is known.
+    fitted: how many numbers were fitted, including starts.  covariance: of the realisation's entries, if known.
     """
     rows, p = errors.shape
     in_units = found.in_units(scaled)
@@ -140,11 +140,11 @@ def fit_of(
     if covariance is None:
         known = np.full((size, size), np.nan)
     else:
-        # units and a fixed shift of the states are affine in the entries
+        # units and a fixed shift of the states act as an affine map on the entries
         zero = found.at(np.zeros(size)).in_units(scaled).shifted(shift).vector
         slopes = [found.at(row).in_units(scaled).shifted(shift).vector - zero for row in np.eye(size)]
         known = np.transpose(slopes) @ covariance @ np.array(slopes)
-        settled = centre.settled  # rounding would give these a variance
+        settled = centre.settled  # otherwise, rounding would give these a variance
         known[settled], known[:, settled] = 0.0, 0.0
     return StateSpaceFit(
         model=centre.model(bare, offset),

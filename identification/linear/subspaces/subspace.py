@@ -1,4 +1,4 @@
-"""From states as combinations of the past to a model: what the subspace methods share."""
+"""The shared part of the subspace methods: from states, as combinations of the past, to a model."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from identification.linear.subspaces.refinement import Candidate, candidate, cov
 from identification.linear.subspaces.state_space_fit import StateSpaceFit, fit_of
 from identification.linear.triangles import triangle_tall
 
-_DEPENDENT = 1e-9  # singular value over the largest, of columns of unit size, below which they are one too many
-_NOISELESS = 1e-9  # one-step error over the spread of an output below which it is rounding
-_INSIDE = 0.999  # size to which a pole outside the unit circle is moved at least, where it has to be stable
+_DEPENDENT = 1e-9  # relative singular value of unit-length columns below which a column is redundant
+_NOISELESS = 1e-9  # ratio of one-step error to an output's spread below which it is rounding
+_INSIDE = 0.999  # largest magnitude of a pole after reflection into the unit circle, if it has to be stable
 _LARGEST_ORDER = 20
-_UNHELPFUL = 4  # orders beyond the best, after which no more are tried
+_UNHELPFUL = 4  # orders beyond the best one that are tried without improvement
 ROWS_PER_COLUMN = 2
 
 
 class Settings(Protocol):
-    """What the subspace methods are asked alike.
+    """Settings that all subspace methods share.
 
-    order: of the model.  integrators: how many of its poles are at exactly 1; at most one an output if chosen.  offset:
-    True, an operating point is estimated; False, inputs and outputs rest at zero; "auto", as True, but integrators rest
-    at zero inputs unless the record shows a drift there.  stable: whether unstable poles are reflected into the unit
-    circle.  refine: whether the model is the start of a descent to the least prediction errors, which also gives
-    intervals.  "auto": what has the least BIC.
+    order: of the model.  integrators: number of poles at exactly 1; if chosen, at most one per output.  offset: True:
+    an operating point is estimated; False: inputs and outputs rest at zero; "auto": as True, but integrators rest at
+    zero inputs unless the record shows a drift there.  stable: whether unstable poles are reflected into the unit
+    circle.  refine: whether the model is refined by minimising prediction errors, which also gives intervals.  "auto":
+    whatever has the least BIC.
     """
 
     @property
@@ -54,9 +54,9 @@ class Settings(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class States:
-    """Combinations of the last `past` samples that hold what they tell of the future, most telling first.
+    """Combinations of the last `past` samples that predict the future, in order of relevance.
 
-    weights: (n, past (m + p)), oldest sample first.  singular_values: what the order is chosen from.
+    weights: (n, past (m + p)), oldest sample first.  singular_values: for choosing the order.
     """
 
     weights: np.ndarray
@@ -73,7 +73,7 @@ class States:
 
 
 def check_settings(asked: Settings) -> None:
-    """Raises if order, horizon, integrators or offset cannot be."""
+    """Raise an error if order, horizon, integrators or offset are invalid."""
     name, order, horizon, integrators = type(asked).__name__, asked.order, asked.horizon, asked.integrators
     if order != "auto" and not _is_whole(order, 1):
         raise ValueError(f"{name} needs order >= 1 as a whole number, or 'auto', got {order!r}.")
@@ -95,12 +95,12 @@ def check_settings(asked: Settings) -> None:
 
 
 def least_horizon(order: int | str, outputs: int) -> int:
-    """The shortest horizon, in samples, that a model of this order can be found with."""
+    """The shortest horizon, in samples, for finding a model of this order."""
     return 2 if order == "auto" else max(int(order) // outputs + 2, 2)
 
 
 def check_excitation(name: str, factor: np.ndarray, series: Series, horizon: int) -> None:
-    """Raises if the inputs do not excite `horizon` lags; factor: R of their lags, middles taken off."""
+    """Raise an error if the inputs do not excite `horizon` lags; factor: R of their lags, with middles subtracted."""
     size = np.linalg.norm(factor, axis=0)
     values = np.linalg.svd(factor / np.where(size > 0.0, size, 1.0), compute_uv=False)
     excited = int(np.count_nonzero(values > _DEPENDENT * values[0]))
@@ -115,9 +115,9 @@ def check_excitation(name: str, factor: np.ndarray, series: Series, horizon: int
 
 @dataclass(frozen=True, eq=False)
 class Regressors:
-    """States now and a sample after, inputs and outputs, as the few rows that have the same products as all of them.
+    """States now and one sample later, inputs and outputs, compressed to a few rows with the same products.
 
-    one: (rows, 1), or (rows, 0) without an operating point.  samples: how many rows there were.
+    one: (rows, 1), or (rows, 0) without an operating point.  samples: the original number of rows.
     """
 
     one: np.ndarray
@@ -129,7 +129,7 @@ class Regressors:
 
     @classmethod
     def of(cls, states: States, count: int, scaled: Scaled) -> Regressors:
-        """Those of the first `count` states."""
+        """The regressors for the first `count` states."""
         kept = [(u, y, z) for u, y, z in zip(scaled.u, scaled.y, scaled.joint) if len(z) > states.past]
         x = [states.over(z, count) for _, _, z in kept]
         parts = (
@@ -145,10 +145,10 @@ class Regressors:
 
 
 def identified(asked: Settings, states: States, scaled: Scaled, integrators: int) -> Candidate:
-    """The model of the order asked for, or of that with the least log det of its errors plus BIC's charge.
+    """The model of the requested order, or of the order with the least log determinant of its errors plus BIC penalty.
 
-    Orders go up from 1 until four more do not help; the charge counts n (m + 2 p) parameters, r^2 fewer where r poles
-    are at 1.
+    Orders increase from 1 until four more bring no improvement; the penalty counts n (m + 2 p) parameters, r^2 fewer if
+    r poles are at 1.
     Source: Bauer 2001, Order estimation for subspace methods, Automatica 37; Schwarz 1978, Annals of Statistics 6.
     """
     name, largest = type(asked).__name__, min(len(states.weights), (states.past - 1) * scaled.outputs)
@@ -180,7 +180,7 @@ def identified(asked: Settings, states: States, scaled: Scaled, integrators: int
 
 
 def _refined(found: Candidate, scaled: Scaled) -> Candidate | None:
-    """Where a descent from a model ends; None where the record is too short for one."""
+    """A model after refinement; None if the record is too short for it."""
     try:
         return descended(scaled, found.found)[0]
     except ValueError:
@@ -190,18 +190,18 @@ def _refined(found: Candidate, scaled: Scaled) -> Candidate | None:
 def with_fitting_integrators(
     asked: Settings, states: States, scaled: Scaled, most: int
 ) -> tuple[Candidate, Candidate | None]:
-    """The model with `most` poles at 1, or with fewer where they show in refined models, and that model refined.
+    """The model with `most` poles at 1, or with fewer if refined models need fewer, and that model refined.
 
-    A long predictor has more poles at 1 than the system where the input holds the output's level, as under feedback
-    with an integral: a pole and a zero there that cancel.  With them, a model is worse or needs more states.  Poles let
-    go from 1 are charged the log of the information on them, other parameters BIC's log N.
+    A long predictor has more poles at 1 than the system if the input holds the output's level, as integral feedback
+    does: an additional pole and zero at 1 that cancel.  With them, a model is worse or needs more states.  The penalty
+    for releasing poles from 1 is the log of the information on them, for other parameters BIC's log N.
     Source: Phillips and Ploberger 1996, An asymptotic theory of Bayesian inference for time series, Econometrica 64.
     """
     found = [identified(asked, states, scaled, count) for count in range(most + 1)]
     finer = [_refined(one, scaled) for one in found]
     rows, sizes = sum(len(y) for y in scaled.y), []
     for one in finer:
-        if one is None:  # too short to say otherwise
+        if one is None:  # too short for a decision
             return found[most], None
         let_go = most - one.found.integrators
         known = _information_on_poles(one, scaled)[:let_go] if let_go else np.empty(0)
@@ -211,7 +211,7 @@ def with_fitting_integrators(
 
 
 def _information_on_poles(here: Candidate, scaled: Scaled) -> np.ndarray:
-    """One over the variance of each pole that is free, nearest 1 first."""
+    """The inverse variance of each free pole, nearest 1 first."""
     r, a = here.found.integrators, here.found.a
     covariance = covariance_of(here, scaled)[0][: a.size, : a.size]
     solved: Any = linalg.eig(a[r:, r:], left=True, right=True)
@@ -226,10 +226,10 @@ def _information_on_poles(here: Candidate, scaled: Scaled) -> np.ndarray:
 
 
 def drifts(here: Candidate, scaled: Scaled) -> bool:
-    """Whether a record shows that the integrators of a model refined on it drift at zero input.
+    """Whether a record shows a drift of a refined model's integrators at zero input.
 
-    The drift counts once the square over its variance exceeds the log of the information on it, in spreads of the
-    outputs a sample: on the slope of a line that is 3 log N, and BIC's log N under random walks.
+    The drift counts if its square over its variance exceeds the log of the information on it, in spreads of the outputs
+    per sample: 3 log N for the slope of a line, and BIC's log N under random walks.
     Source: Phillips and Ploberger 1996, An asymptotic theory of Bayesian inference for time series, Econometrica 64.
     """
     found, (covariance, _) = here.found, covariance_of(here, scaled)
@@ -269,8 +269,8 @@ def _candidate(
 def realise(regressors: Regressors, order: int, name: str, stable: bool = False) -> Realisation:
     """The model by regression of outputs and next states on the first `order` states and inputs.
 
-    An output does not see the input of its own sample.  stable: whether poles outside the unit circle are reflected
-    into it.  Source: Verhaegen and Verdult 2007, Filtering and System Identification, sec. 9.6.
+    An output does not depend on the input of the same sample.  stable: whether poles outside the unit circle are
+    reflected into it.  Source: Verhaegen and Verdult 2007, Filtering and System Identification, sec. 9.6.
     """
     one, u, y = regressors.one, regressors.u, regressors.y
     now, after = regressors.now[:, :order], regressors.after[:, :order]
@@ -297,7 +297,7 @@ def realise(regressors: Regressors, order: int, name: str, stable: bool = False)
 
 
 def slowest_first(a: np.ndarray) -> np.ndarray:
-    """Orthonormal rows: combinations of states, those first that move least by themselves, integrators not at all."""
+    """Orthonormal rows: combinations of states, the slowest by themselves first (integrators do not move)."""
     return np.linalg.svd(a - np.eye(len(a)))[0].T[::-1]
 
 
@@ -310,9 +310,9 @@ def with_integrators(
     scaled: Scaled,
     name: str,
 ) -> Realisation:
-    """The realisation with states turned, the first of them sums of inputs and errors and fitted as such.
+    """The realisation in rotated states, the first of which are refitted as sums of inputs and errors.
 
-    resting: whether these stay where they are at zero input; else they have a drift.
+    resting: whether these stay constant at zero input; otherwise they have a drift.
     """
     found, (order, m) = free.turned(turn), free.b.shape
     now, after = (part[:, :order] @ turn.T for part in (regressors.now, regressors.after))
@@ -337,7 +337,7 @@ def with_integrators(
 def finished(
     asked: Settings, series: Series, scaled: Scaled, states: States, predictor: LongPredictor
 ) -> StateSpaceFit:
-    """The fit of a model with these states, refined if asked for, with words for what was chosen."""
+    """The fit of a model with these states, refined if requested, with notes on the choices."""
     integrators = 0 if asked.stable else asked.integrators
     if integrators == "auto":
         integrators = predictor.integrators if asked.order == "auto" else min(predictor.integrators, asked.order)
@@ -365,7 +365,7 @@ def finished(
 
 
 def reflected(a: np.ndarray) -> np.ndarray:
-    """The matrix with eigenvalues outside the unit circle moved to their mirror images inside it."""
+    """The matrix with eigenvalues outside the unit circle mirrored into it."""
     values, vectors = np.linalg.eig(a)
     size = np.maximum(np.abs(values), np.finfo(float).tiny)
     inside = np.where(size < 1.0, values, values / size * np.minimum(1.0 / size, _INSIDE))
@@ -373,11 +373,11 @@ def reflected(a: np.ndarray) -> np.ndarray:
 
 
 def with_stable_predictor(found: Realisation, spread: np.ndarray) -> Realisation:
-    """The realisation, where its predictor is unstable with Kalman's gain; spread: mean square of errors of x and y."""
+    """The realisation, with the Kalman gain if its predictor is unstable; spread: mean square of errors of x and y."""
     if np.abs(np.linalg.eigvals(found.predictor)).max() < 1.0:
         return found
     n, p = found.k.shape
-    # noise of the size of rounding, and then more, where states without noise leave the equation unsolvable
+    # states without noise can make the equation unsolvable: add noise of the size of rounding, then more
     for share in (1e-10, 1e-6, 1e-3):
         q = spread[:n, :n] + share * np.eye(n)
         r = spread[n:, n:] + share * np.eye(p)
@@ -399,7 +399,7 @@ def _errors(found: Realisation, regressors: Regressors, now: np.ndarray) -> np.n
 
 
 def _notes(asked: Settings, fit: StateSpaceFit) -> tuple[str, ...]:
-    """What was chosen by looking at the data, in words."""
+    """Choices that depend on the data, in words."""
     found, sums = [], fit.centre.integrators
     if asked.order == "auto":
         found.append(f"order {fit.order}, chosen by BIC")
@@ -420,7 +420,7 @@ def _is_whole(value: object, least: int) -> bool:
 
 
 def _solve(columns: np.ndarray, target: np.ndarray, name: str) -> np.ndarray:
-    """Least squares; raises where the columns are dependent."""
+    """Least squares; raises if the columns are dependent."""
     count = columns.shape[1]
     r = triangle_tall(np.concatenate([columns, target], axis=1))
     size = np.linalg.norm(r[:, :count], axis=0)
