@@ -1,1 +1,1 @@
-"""Experiments that make a vehicle show itself: excitation, driven episodes, missions of each kind of vehicle."""
+"""Experiments for identification: excitation signals, driven episodes, standard missions of each vehicle kind."""

@@ -1,4 +1,4 @@
-"""Experiments from which the next one is chosen, each in the form of a campaign file."""
+"""Designs from which the next experiment is chosen, each in the form of a campaign file."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ DEPTH_NOISE = 0.02  # m
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """An experiment that a vehicle may be sent on.
+    """An experiment that a vehicle can run.
 
-    tables: the tables of its campaign file but `[vehicle]`, for a vehicle and a length, s.
+    tables: function of a vehicle and a length, s, that returns the tables of the campaign file except `[vehicle]`.
     """
 
     name: str
@@ -32,7 +32,7 @@ class Design:
 
 
 def campaign_text(name: str, description: str, tables: Tables, vehicles: Sequence[str]) -> str:
-    """A campaign file: the tables, run with each of these vehicle files, which lie beside it."""
+    """The text of a campaign file with these tables, run with each of these vehicle files in the same folder."""
     grid = dict(tables.get("grid", {}))
     if len(vehicles) > 1:
         grid["vehicle.file"] = list(vehicles)
@@ -77,7 +77,7 @@ def mission(**settings: Any) -> Tables:
 
 
 def hold_levels(duration: float, hold: float, levels: Sequence[float]) -> list[list[float]]:
-    """Levels by turns, each held for about `hold` s, each at least once in the time that there is."""
+    """The levels in turn, each held for about `hold` s and used at least once within the duration."""
     count = max(ceil(duration / hold - 0.5), min(len(levels), 2))
     times = duration * np.arange(count) / count
     return [[round(float(time), 3), float(levels[k % len(levels)])] for k, time in enumerate(times)]

@@ -1,4 +1,4 @@
-"""One episode of an environment driven by a controller, as a record of what was measured and what was true."""
+"""One episode of an environment driven by a controller, recorded as measurements and true states."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ Steps = Mapping[str, Sequence[tuple[float, float]]]
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What a driven episode left behind.
+    """The result of a driven episode.
 
-    record: readings, commands, set points (`depth_cmd_m`), and what the controller reports.  truth: the true states at
-    the same times.  reason: why the episode was cut short; empty where it went on to its end.
+    record: readings, commands, set points (`depth_cmd_m`), and the controller's reports.  truth: the true states at the
+    same times.  reason: why the episode was cut short; empty if it ran to its end.
     """
 
     record: Record
@@ -42,11 +42,12 @@ def drive(
 ) -> Run:
     """Run one episode and record it; a row has the reading at its time and the command held until the next row.
 
-    Commands are those that the vehicle got, clipped; those of fins that the environment holds itself count too.  The
-    last row of an episode that ran to its end repeats the last command; what a cut episode left behind stays out.
+    Commands are those that the vehicle received, after clipping, including those of fins that the environment itself
+    controls.  If the episode ran to its end, the last row repeats the last command; if it was cut short, the final
+    reading is left out.
     seed: of the environment's generator.  targets: (time s, value) by channel, each value from its time on, the first
-    from 0 s; channels not named keep the environment's own target.  start: values of the first state.
-    Raises ValueError if controller and environment do not fit, or the episode is cut within two samples.
+    from 0 s; channels not named keep the environment's own target.  start: values of the initial state.
+    Raises ValueError if controller and environment do not match, or if the episode is cut short within two samples.
 
     Example:
 
@@ -65,8 +66,8 @@ def drive(
     _, info = env.reset(seed=seed, options={"start": dict(start)} if start else None)
     memory = controller.start()
     rows: list[tuple[float, dict, dict, dict]] = []  # time, reading, target, state
-    commands: list[dict] = []  # what the vehicle got, and reports
-    known = [name for name in info["state"] if name in CHANNELS]  # not what a vehicle remembers of its commands
+    commands: list[dict] = []  # the commands that the vehicle received, and reports
+    known = [name for name in info["state"] if name in CHANNELS]  # leave out the vehicle's memory of its commands
     before, ended, cut = info["time_s"] - info.get("dt_s", inner.plant.dt), False, False
     while True:
         time = info["time_s"]
@@ -103,7 +104,7 @@ def commanded(env: gymnasium.Env) -> tuple[str, ...]:
 
 
 def checked_steps(name: str, given: Any) -> tuple[tuple[float, float], ...]:
-    """The steps of a target; raises unless they are pairs of time and value whose times rise from 0 s."""
+    """The steps of a target; raises unless they are pairs of time and value with times rising from 0 s."""
     try:
         steps = tuple((float(time), float(value)) for time, value in given)
     except (TypeError, ValueError):
@@ -118,7 +119,7 @@ def checked_steps(name: str, given: Any) -> tuple[tuple[float, float], ...]:
 
 
 def versions_used() -> str:
-    """What a run was computed with, for a record's attributes."""
+    """The versions of the packages used for a run, for a record's attributes."""
     found = []
     for package in ("numpy", "numba"):
         try:
@@ -142,7 +143,7 @@ def _run(
     given = {
         name: values
         for name, values in _columns(commands[: len(rows)]).items()
-        # an input that nobody touches says nothing: a float's environment knows ten
+        # leave out inputs that stay constant: a float's environment has ten of them
         if name not in plant.inputs
         or name in (*plant.family.required, *commanded(env))
         or (values != plant.constants.get(name, 0.0)).any()

@@ -1,6 +1,6 @@
-"""Signals that make a system show itself: added to a command or to a set point, or disturbing a run slowly.
+"""Excitation signals: added to a command or a set point, or as slow disturbances.
 
-`make_signal` makes them by name. What switches when the vehicle has answered (a zigzag) is a controller:
+`make_signal` makes them by name. An excitation that depends on the vehicle's response (a zigzag) is a controller: see
 `controllers.relay`.
 """
 
@@ -50,7 +50,7 @@ def set_point_steps(
     hold: tuple[float, float] = (40.0, 90.0),
     step: tuple[float, float] = (radians(20.0), radians(70.0)),
 ) -> np.ndarray:
-    """A set point at each time, shape (n,), that starts at `start` and changes in drawn steps of either sign.
+    """A set point at each time, shape (n,), that starts at `start` and changes in random steps of either sign.
 
     time: s, rising.  hold: s, range of the time between changes.  step: range of a change's size, in the signal's unit.
     """
@@ -68,9 +68,9 @@ def set_point_steps(
 def slow_variation(
     time: np.ndarray, rng: np.random.Generator, *, amplitude: float, periods: tuple[float, float] = (60.0, 200.0)
 ) -> np.ndarray:
-    """A smooth signal around zero whose largest size is `amplitude`, shape (n,): three sines of drawn period and phase.
+    """A smooth signal around zero with the maximum `amplitude`, shape (n,): three sines of random period and phase.
 
-    time, periods: s.  Periods are drawn evenly in their logarithm.
+    time, periods: s.  Periods are log-uniformly distributed.
     """
     time = np.asarray(time, dtype=float)
     angular = 2.0 * pi / np.exp(rng.uniform(*np.log(periods), size=3))
@@ -89,12 +89,13 @@ def maximum_length(
     clock_s: float | None = None,
     register: int | None = None,
 ) -> np.ndarray:
-    """A maximum-length pseudo-random binary signal of +-amplitude, shape (n,), from a drawn bit on.
+    """A maximum-length pseudo-random binary signal of +-amplitude, shape (n,), with a random starting bit.
 
-    clock_s: how long a bit is held, whole samples, default one.  register: bits of the shift register; the signal
-    repeats after N = 2**register - 1 bits; default the shortest that does not repeat within n.
-    Over a period the autocorrelation is amplitude**2, from one clock on -amplitude**2 / N, and the power spectrum has
-    lines k / (N clock_s) of amplitude**2 (N + 1) / N**2 sinc(k / N)**2, the mean one of amplitude**2 / N**2.
+    clock_s: duration of a bit, a whole number of samples, default one.  register: bits of the shift register; the
+    signal repeats after N = 2**register - 1 bits; default the shortest that does not repeat within n.
+    Over a period the autocorrelation is amplitude**2 at zero and -amplitude**2 / N from one clock on; the power
+    spectrum has lines k / (N clock_s) of amplitude**2 (N + 1) / N**2 sinc(k / N)**2, and amplitude**2 / N**2 at zero
+    frequency.
     Source: Golomb 1967, Shift Register Sequences; Ljung 1999, System Identification, sec. 13.3.
     """
     hold = 1 if clock_s is None else _samples("prbs", "clock_s", clock_s, dt)
@@ -119,7 +120,8 @@ def chirp(
 ) -> np.ndarray:
     """A chirp: a sine whose frequency goes from band_Hz[0] to band_Hz[1] over the signal, shape (n,).
 
-    law: "linear" spends the same time on each Hz, "log" on each octave.  The band may run downwards.  Draws nothing.
+    law: "linear" spends the same time on each Hz, "log" on each octave.  The band may run downwards.  Uses no random
+    numbers.
     Source: Pintelon and Schoukens 2012, System Identification, sec. 5.3.
 
     Example:
@@ -150,10 +152,10 @@ def doublet(
     widths: Sequence[float] = (1, 1),
     repeat_s: float | None = None,
 ) -> np.ndarray:
-    """Alternating pulses of +amplitude and -amplitude, then zero, shape (n,).  Draws no random numbers.
+    """Alternating pulses of +amplitude and -amplitude, then zero, shape (n,).  Uses no random numbers.
 
-    width_s: of a pulse of width 1, whole samples.  widths: of the pulses; (3, 2, 1, 1) is the 3-2-1-1 input, of a
-    wider band.  repeat_s: from one start to the next, default once.
+    width_s: of a pulse of width 1, a whole number of samples.  widths: of the pulses; (3, 2, 1, 1) is the 3-2-1-1
+    input, which has a wider band.  repeat_s: from one start to the next; default: no repetition.
     Source: Jategaonkar 2015, Flight Vehicle System Identification, sec. 2.3.
 
     Example:
@@ -178,10 +180,10 @@ def doublet(
 def bang_bang(
     n: int, dt: float, rng: np.random.Generator, *, amplitude: float, hold_s: float | Sequence[float]
 ) -> np.ndarray:
-    """A signal that changes between +amplitude and -amplitude, shape (n,).
+    """A signal that switches between +amplitude and -amplitude, shape (n,).
 
-    hold_s: the time between changes: a number for a square wave that begins with +amplitude, or a range from which
-    each is drawn, with a drawn first side.
+    hold_s: the time between changes: a number for a square wave that begins with +amplitude, or a range from which each
+    time is drawn, with a random initial sign.
     """
     time, (low, high) = dt * np.arange(n), _holds("bang_bang", hold_s, dt)
     drawn = not isinstance(hold_s, int | float)
@@ -190,10 +192,10 @@ def bang_bang(
 
 
 def telegraph(n: int, dt: float, rng: np.random.Generator, *, amplitude: float, dwell_s: float) -> np.ndarray:
-    """A random telegraph signal of +amplitude and -amplitude, shape (n,): at each sample it changes side by chance.
+    """A random telegraph signal of +amplitude and -amplitude, shape (n,): at each sample it may change sign at random.
 
-    dwell_s: the mean time between changes, more than a sample; these times are drawn without memory, so that some are
-    many times as long.  Samples k apart have the covariance amplitude**2 (1 - 2 dt / dwell_s)**k.
+    dwell_s: the mean time between changes, longer than a sample; the times are memoryless, so that some are many times
+    longer.  Samples k apart have the covariance amplitude**2 (1 - 2 dt / dwell_s)**k.
     Source: Papoulis and Pillai 2002, Probability, Random Variables and Stochastic Processes, sec. 9.2.
     """
     if not (_is_number(dwell_s) and dt < dwell_s < inf):
@@ -206,7 +208,7 @@ def telegraph(n: int, dt: float, rng: np.random.Generator, *, amplitude: float, 
 def steps(
     n: int, dt: float, rng: np.random.Generator, *, amplitude: float, hold_s: float | Sequence[float]
 ) -> np.ndarray:
-    """Levels drawn evenly between -amplitude and +amplitude, shape (n,): shows what depends on the size of an input.
+    """Levels drawn uniformly between -amplitude and +amplitude, shape (n,): shows effects that are nonlinear.
 
     hold_s: how long a level is held, or a range from which that is drawn.
     Source: Nelles 2001, Nonlinear System Identification, sec. 17.7 (APRBS).
@@ -238,7 +240,7 @@ def make_signal(
 ) -> np.ndarray:
     """A signal of one of the SIGNALS at samples dt apart, shape (n,); zero before start_s and after duration_s.
 
-    settings: those of the kind.  Raises with what the kind allows.
+    settings: those of the kind.  Raises ValueError that names the settings of the kind.
 
     Example:
 
@@ -269,13 +271,13 @@ def make_signal(
     signal = np.zeros(n)
     try:
         signal[first:last] = SIGNALS[kind](last - first, dt, rng, **settings)
-    except TypeError as error:  # of a text where a number is due, say
+    except TypeError as error:  # for example, a text instead of a number
         raise ValueError(f"Signal {kind!r} cannot be made of {settings!r}: {error}.") from None
     return signal
 
 
 def signal_settings(kind: str) -> dict[str, bool]:
-    """The settings of a kind of signal, by name: whether each must be given."""
+    """The settings of a kind of signal by name, and whether each is required."""
     given = inspect.signature(SIGNALS[kind]).parameters.values()
     return {p.name: p.default is p.empty for p in given if p.kind is p.KEYWORD_ONLY}
 
@@ -285,7 +287,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _samples(kind: str, name: str, value: Any, dt: float) -> int:
-    """A time as a number of samples, one or more; raises where it is not a whole number of them."""
+    """A time as a number of samples, at least one; raises if it is not a whole number of them."""
     count = round(value / dt) if _is_number(value) and 0.0 < value < inf else 0
     if count < 1 or abs(count * dt - value) > 1e-6 * value:
         raise ValueError(f"Signal {kind!r} needs {name} as a whole number of samples of {dt:g} s, got {value!r}.")
@@ -293,7 +295,7 @@ def _samples(kind: str, name: str, value: Any, dt: float) -> int:
 
 
 def _holds(kind: str, hold: float | Sequence[float], dt: float) -> tuple[float, float]:
-    """The range of a hold, s; a number is a range of one."""
+    """The range of a hold, s; a single number gives a range of zero width."""
     if _is_number(hold):
         steady = dt * _samples(kind, "hold_s", hold, dt)
         return steady, steady
@@ -304,6 +306,6 @@ def _holds(kind: str, hold: float | Sequence[float], dt: float) -> tuple[float, 
 
 
 def _changes(time: np.ndarray, rng: np.random.Generator, low: float, high: float) -> np.ndarray:
-    """How many changes, drawn low to high s apart, there have been at each time."""
+    """The number of changes so far at each time; the intervals between changes are drawn from low to high s."""
     holds = rng.uniform(low, high, size=ceil((time[-1] - time[0]) / low) + 1)
     return np.searchsorted(time[0] + np.cumsum(holds) - 1e-6 * low, time, side="right")

@@ -1,4 +1,4 @@
-"""Simulated dives of profiling floats: depth control by a piston, missions of an oil bladder with pump and valve."""
+"""Simulated dives of profiling floats: depth control by a piston, and missions with an oil bladder, pump and valve."""
 
 from __future__ import annotations
 
@@ -21,33 +21,33 @@ from controllers.pid import float_depth_pid
 
 Profile = Callable[[float], float]
 
-_LONG_AGO = -1e7  # s, when what was commanded before the record had been reached
-_STARTS = (4.0, 8.0)  # m, where a dive's record begins: bypass and waves are over
-_HEAVY = (90e-6, 150e-6)  # m^3 that a float lacks at the start of its dive
-_VALVED = (20e-6, 25e-6)  # m^3 let in by one action on the way down
+_LONG_AGO = -1e7  # s, when commands given before the record had already been reached
+_STARTS = (4.0, 8.0)  # m, where a dive's record begins, below bubbles and waves
+_HEAVY = (90e-6, 150e-6)  # m^3 of missing buoyancy at the start of a dive
+_VALVED = (20e-6, 25e-6)  # m^3 let in by one valve action on the way down
 _PUMPED = (43e-6, 49e-6)  # m^3 pumped out by one action on the way up, or twice that
-_MOST_OIL, _LEAST_OIL = 95e-6, 2e-6  # m^3, of one action that parks the float
-_SLOW, _FAST = 0.035, 0.12  # m/s; the mission keeps its speed between them where it can
+_MOST_OIL, _LEAST_OIL = 95e-6, 2e-6  # m^3, most and least oil of one action that parks the float
+_SLOW, _FAST = 0.035, 0.12  # m/s; the mission keeps its speed between them if it can
 _DEEP_SAMPLE, _SHALLOW_SAMPLES, _SHALLOW = 325.0, (20.0, 60.0), 60.0  # s, s, m
-_BETWEEN, _PRESSED = 11, 3  # samples from one action to the next; where the float hardly moves
-_PARKED = (12, 36)  # samples spent near the target
-_STILL = 0.004  # m/s, at which a parked float is left alone
-_MOST_SAMPLES = 1500  # of a dive that never comes back
+_BETWEEN, _PRESSED = 11, 3  # samples between actions: normally, and if the float hardly moves
+_PARKED = (12, 36)  # samples spent parked near the target
+_STILL = 0.004  # m/s, below which a parked float takes no action
+_MOST_SAMPLES = 1500  # of a dive that never returns
 _OIL_CHANNELS = (
     "depth_m", "temperature_C", "oil_volume_m3", "pumped_volume_m3", "valved_volume_m3", "valved_depth_m4",
 )  # fmt: skip
 
 
 def summer_lake(depth: float) -> float:
-    """Water temperature, degC, at a depth, m: 28 at the surface of a stratified lake, 10 at its ground.
+    """Water temperature, degC, at a depth, m: 28 at the surface of a stratified lake, 10 at the bottom.
 
-    The form is the usual one of a deep lake in the subtropics in August; its numbers are chosen.
+    The profile has the usual form of a deep subtropical lake in August, with assumed numbers.
     """
     return 10.0 + 18.0 / (1.0 + exp((depth - 14.0) / 4.0))
 
 
 def summer_sea(depth: float) -> float:
-    """Water temperature, degC, at a depth, m: a warm layer over the deep Mediterranean; numbers are chosen."""
+    """Water temperature, degC, at a depth, m: a warm layer over the deep Mediterranean, with assumed numbers."""
     return 13.2 + 10.5 * exp(-max(depth, 0.0) / 35.0) + 1.6 * exp(-max(depth, 0.0) / 400.0)
 
 
@@ -65,14 +65,14 @@ def depth_control(
     temperature_profile: Profile | None = None,
     under_way: Callable[..., Any] | None = None,
 ) -> Record:
-    """Simulate a float with a piston that holds one target depth after the other, each for `hold` s.
+    """Simulate a float with a piston that holds one target depth after another, each for `hold` s.
 
     The controller (default `float_depth_pid`) acts on the noisy depth; piston_m is its command, clipped to the piston's
-    range, before any effect. The float starts at rest at the depth `start`, its piston where it is told to first.
-    noise: m, white, standard deviation, all drawn before the run.  dt: s between samples, default the vehicle's; near:
-    m from the target within which samples are so many seconds apart.  temperature_profile: degC at a depth, constant
-    in time, recorded along the track.  under_way: what starts and moves the float, default `Swim.start`.  Raises
-    Diverged.  Source of the rates: Zhong et al. 2024, sec. 4.1.
+    range, before any effect. The float starts at rest at the depth `start`, with the piston at its first command.
+    noise: m, standard deviation of white noise, all drawn before the run.  dt: s between samples, default the
+    vehicle's; near: (m, s), a distance to the target and the sample interval within it.  temperature_profile: degC at a
+    depth, constant in time, recorded along the track.  under_way: starts and moves the float, default `Swim.start`.
+    Raises Diverged.  Source of the rates: Zhong et al. 2024, sec. 4.1.
 
     Example:
 
@@ -135,11 +135,11 @@ def oil_mission(
 ) -> Record:
     """Simulate a float with an oil bladder; the record has one segment for each depth that it dives to and parks at.
 
-    A dive begins under the surface with a volume of its own that nothing records, and ends there. Going down the float
-    lets in 20 to 25 mL at drawn depths and where it gets slow; it parks by as much oil as balances its drag, and pumps
-    43 to 49 mL, or twice that, to come up. Samples are 325 s apart, 20 to 60 s near the surface.  noise: m, white;
-    resolution: m.  Channels: depth_m, temperature_C, oil_volume_m3 and what pump and valve sum up to.  under_way: what
-    starts and moves the float, default `Swim.start`.
+    A dive begins and ends just below the surface, with a volume of its own that is not recorded. On the way down, the
+    float lets in 20 to 25 mL at random depths and whenever it is slow; it parks by pumping oil that balances its drag,
+    and pumps 43 to 49 mL, or twice that, to ascend. Samples are 325 s apart, 20 to 60 s near the surface.  noise: m,
+    white; resolution: m.  Channels: depth_m, temperature_C, oil_volume_m3 and sums over the actions of pump and valve.
+    under_way: starts and moves the float, default `Swim.start`.
     Sizes and times are those of MERMAID floats' logs.  Raises Diverged.
 
     Example:
@@ -173,7 +173,7 @@ def oil_mission(
 
 @dataclass(frozen=True, eq=False)
 class Swim:
-    """A plant under way with uneven samples: its full state, the time, s, and when the commands it keeps were given."""
+    """A plant under way with uneven samples: its full state, the time, s, and the times of its last commands."""
 
     plant: Plant
     x: np.ndarray
@@ -182,7 +182,7 @@ class Swim:
 
     @classmethod
     def start(cls, plant: Plant, depth: float, rate: float = 0.0, volume: float = 0.0) -> Swim:
-        """A float at a depth, m, that sinks at a rate, m/s, with an unknown volume, m^3; sensors settled at rest."""
+        """A float at a depth, m, that sinks at a rate, m/s, with an unrecorded volume, m^3; sensors settled at rest."""
         x = plant.initial(np.array([depth, 0.0]))
         x[plant.states.index("depth_rate_mps")] = rate
         x[plant.states.index("volume_m3")] = volume
@@ -195,18 +195,18 @@ class Swim:
 
     @property
     def measured(self) -> float:
-        """The depth that the sensor gives, without noise, m."""
+        """The depth reading without noise, m."""
         return float(self.plant.output(self.x)[0])
 
     def onward(self, inputs: Mapping[str, float], duration: float) -> Swim:
-        """The float `duration` s later under these inputs; the first ones are taken to have been held for long."""
+        """The float `duration` s later under these inputs; the first inputs count as held for a long time."""
         known = {**self.plant.constants, "elapsed_s": self.time, **inputs}
         u = np.array([known[name] for name in self.plant.inputs])
         x = self.x.copy()
         if self.time == 0.0:
             for name in self.plant.family.actuators:
                 x[self.plant.states.index(f"{name} play")] = known[name]
-            self._step(x, u, self.given, -_LONG_AGO, 0.0)  # moves the actuators alone
+            self._step(x, u, self.given, -_LONG_AGO, 0.0)  # moves only the actuators
         given = np.append(self.given[1:], self.time)
         self._step(x, u, given - self.time, duration, self.plant.longest_step)
         return Swim(self.plant, x, self.time + duration, given)
@@ -226,7 +226,7 @@ def _dive(
     profile: Profile,
     under_way: Callable[..., Any],
 ) -> list[tuple[float, ...]]:
-    """The rows of one dive, by `_OIL_CHANNELS`, with the time first."""
+    """The rows of one dive: the time, then `_OIL_CHANNELS`."""
     hull = plant.hull
     begin, volume = rng.uniform(*_STARTS), -rng.uniform(*_HEAVY)
     valved_at = np.sort(rng.uniform(0.1, 0.8, size=3)) * target

@@ -1,4 +1,4 @@
-"""Simulated dives of a glider that flies by its polar: down and up again, as its log would have them."""
+"""Simulated dives and climbs of a glider that flies by its polar, in the form of its logs."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from auv_gym.plant import Plant
 from auv_gym.plant.flying import battery_for, neutral_engine, turning_input
 from auv_gym.records.record import Record, concat
 
-_START = 12.0  # m, where a dive's record begins and ends: bubbles and waves are over
-_FINE = 1.0  # s, in which attitude, engine and water change between samples
+_START = 12.0  # m, where a dive's record begins and ends, below bubbles and waves
+_FINE = 1.0  # s, step at which attitude, engine and water change between samples
 _PUMP = 2.5e-6  # m^3/s; a Seaglider pumps 300 cm3 in about two minutes
 _ATTITUDE = ("roll_rad", "pitch_rad", "heading_rad")
 _MASSES = ("battery_position_m", "battery_roll_rad", "rudder_rad")
-_ANGLE_NOISE = radians(0.3)  # of attitude that is read; chosen
-_TURN = 15.0  # s, time constant of the change from dive to climb
-_NET = (1.0e-4, 2.0e-4)  # m^3 that a dive, and a climb, are off neutral by at their end
+_ANGLE_NOISE = radians(0.3)  # of attitude readings; assumed
+_TURN = 15.0  # s, time constant of the transition from dive to climb
+_NET = (1.0e-4, 2.0e-4)  # m^3 off neutral at the end of a dive or a climb
 _PITCH = (radians(16.0), radians(28.0))
-_WANDER, _PERIODS = radians(1.0), (140.0, 330.0)  # of the pitch, rad and s, where samples follow it
-_FOLLOWED = 8  # samples in the shorter of them, at least
-_MOST = 20_000.0  # s, of a dive that never comes back
+_WANDER, _PERIODS = radians(1.0), (140.0, 330.0)  # of the pitch, rad and s, if samples can follow it
+_FOLLOWED = 8  # samples in the shorter period, at least
+_MOST = 20_000.0  # s, of a dive that never returns
 
 
 def open_sea(depth: float) -> float:
-    """Water temperature, degC, at a depth, m: 12 at the surface and 5 deep down; the numbers are chosen."""
+    """Water temperature, degC, at a depth, m: 12 at the surface and 5 deep down; assumed numbers."""
     return 5.0 + 7.0 * exp(-max(depth, 0.0) / 120.0)
 
 
 def sea_density(depth: float) -> float:
-    """Density, kg/m^3, of water of `open_sea` and 35 of salinity at a depth, m; within 0.1 of TEOS-10 down to 500 m.
+    """Density, kg/m^3, of water of `open_sea` with salinity 35 at a depth, m; within 0.1 of TEOS-10 down to 500 m.
 
-    Linear: 1027.7 at 5 degC and the surface, less 0.17 a degree, and sea water's compressibility of 4.6e-3 kg/m^4.
+    Linear: 1027.7 at 5 degC and the surface, minus 0.17 per degree, plus sea water's compressibility of 4.6e-3 kg/m^4.
     """
     return 1027.7 - 0.17 * (open_sea(depth) - 5.0) + 4.6e-3 * max(depth, 0.0)
 
@@ -50,13 +50,13 @@ def yo_mission(
     measured: bool = True,
     truth: Callable[[Plant], Plant] = lambda plant: plant,
 ) -> Record:
-    """A record of dives to these depths, a segment each, from 12 m down and up to there again.
+    """A record of dives to these depths, one segment each, from 12 m down and back up to 12 m.
 
-    Net buoyancy, 100 to 200 cm3 less than neutral at the deepest of a dive and more than neutral where its climb ends,
-    and pitch angles of 16 to 28 degrees are drawn for each; pitch and heading wander slowly.  buoyancy_volume_m3 and
-    pitch_rad are what the log has, before any effect.  Where masses steer the glider, they are moved for these angles,
-    and attitude is what follows.  noise: m, white, of the depth.  dt: s between samples, default the vehicle's.
-    measured: whether the log has the water's density.  truth: the plant that flies, of the one that is planned with.
+    Net buoyancy and pitch are drawn for each dive: 100 to 200 cm3 below neutral at the deepest point and above neutral
+    at the end of the climb, and 16 to 28 degrees; pitch and heading wander slowly.  buoyancy_volume_m3 and pitch_rad
+    are the logged values, before any effect.  If masses steer the glider, they are moved to reach these angles, and the
+    attitude is what results.  noise: m, white, of the depth.  dt: s between samples, default the vehicle's.
+    measured: whether the log has the water's density.  truth: maps the plant used for planning to the plant that flies.
     Raises Diverged.
     """
     low, high = plant.hull.engine_low, plant.hull.engine_high
@@ -95,7 +95,7 @@ def _flown(
     every: float,
     begun: float,
 ) -> tuple[dict[str, np.ndarray], float]:
-    """The exact log of a dive, by column, and how long it took, s.
+    """The exact log of a dive, by column, and its duration, s.
 
     engines, pitches (2,): down and up.  phases: of the pitch's wandering.  begun: s of the record.
     """
@@ -105,11 +105,11 @@ def _flown(
     rows: list[dict[str, float]] = []
     x = flying.initial(np.array([{"depth_m": _START, "heading_rad": heading}.get(n, 0.0) for n in flying.outputs]))
     x[flying.states.index("buoyancy_volume_m3 position")] = engine
-    # a log has where masses stand; an engine is moved at its rate here
+    # a log has the measured positions of masses; the engine is moved at its rate here
     moved = {name: flying.states.index(f"{name} position") for name in flying.inputs if name in _MASSES}
 
     def given() -> dict[str, float]:
-        """The inputs by now."""
+        """The inputs at the present time."""
         phase = 6.28 * t / slower
         wander = _WANDER * (np.sin(phase / _PERIODS[0] + phases[0]) + np.sin(phase / _PERIODS[1] + phases[1]))
         return {
@@ -130,7 +130,7 @@ def _flown(
         t += _FINE
         engine += min(max((rising if climbing else sinking) - engine, -_PUMP * _FINE), _PUMP * _FINE)
         pitch += ((up if climbing else -down) - pitch) * (1.0 - exp(-_FINE / _TURN))
-        # midway, as a log is read by straight lines: inputs that are held from the beginning on are half a step late
+        # the mean over the step, since logs are interpolated linearly: held initial values would be half a step late
         later = given()
         x = flying.step(x, np.array([0.5 * (u[name] + later[name]) for name in flying.inputs]))
         check_finite(flying.states, np.array([t]), x[None, :])
@@ -138,7 +138,7 @@ def _flown(
 
 
 def _steering(plant: Plant, pitch: float, heading: float, engine: float, weave: float) -> dict[str, float]:
-    """The inputs that take a glider to an attitude; one that is steered goes to either side by turns, as weave says."""
+    """The inputs that bring a glider to an attitude; a steered one turns to either side, following `weave`."""
     if "pitch_rad" in plant.inputs:
         return {"pitch_rad": pitch, "heading_rad": heading}
     turning, limit = turning_input(plant)
@@ -149,7 +149,7 @@ def _steering(plant: Plant, pitch: float, heading: float, engine: float, weave: 
 def _record(
     columns: dict[str, np.ndarray], read: Sequence[str], rng: np.random.Generator, noise: float, measured: bool
 ) -> Record:
-    """A dive as it is logged; columns: exact.  read: the outputs among them."""
+    """A dive as it is logged; columns: the exact log.  read: the outputs among them."""
     time, count = columns["time_s"], len(columns["time_s"])
     logged = {n: v for n, v in columns.items() if n != "time_s" and (measured or n != "density_kgpm3")}
     logged["depth_m"] = logged["depth_m"] + noise * rng.standard_normal(count)

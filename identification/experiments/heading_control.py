@@ -1,4 +1,4 @@
-"""Simulated experiments: a vehicle under closed-loop control, recorded as its sensors would."""
+"""Simulated experiments of a glider under heading control, recorded with sensor noise."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _PITCH = 0.4  # rad, of a dive or a climb
 _TURN = 8.0  # s, time constant of the change from dive to climb
 _LEG = (120.0, 300.0)  # s, length of a dive or a climb
 _SHALLOWEST = 15.0  # m
-_SPEED_VARIATION = 0.3  # of nominal
+_SPEED_VARIATION = 0.3  # of nominal speed
 _ROLL_VARIATION = 0.09  # rad
 
 
@@ -41,11 +41,11 @@ def closed_loop(
 
     rudder_rad is the command, clipped to the rudder stop, before any effect; the controller (default `heading_pid`)
     acts on the noisy compass. Speed varies slowly by 30 % of nominal (speed: constant, m/s), roll by 0.09 rad; pitch
-    and depth follow dives and climbs. All of it is drawn before the run, so one seed gives one and the same
-    experiment whatever the plant's effects. Noises are white, standard deviations: compass_noise rad, track_noise m,
-    gyro_noise rad/s; None leaves the channels out. rudder_excitation: amplitude of the PRBS over the rudder stop;
-    bit_time: s, default the larger of 2 samples and 8 s.  run_in: s before the record begins, as a log begins in
-    mid-mission.  Raises Diverged.
+    and depth follow dives and climbs. All of this is drawn before the run, so a seed gives the same experiment whatever
+    the plant's effects. Noises are white, given by standard deviations: compass_noise rad, track_noise m, gyro_noise
+    rad/s; None leaves the channels out. rudder_excitation: amplitude of the PRBS relative to the rudder stop; bit_time:
+    s, default the larger of 2 samples and 8 s.  run_in: s before the record begins, so that it starts in mid-mission.
+    Raises Diverged.
 
     Example:
 
@@ -137,7 +137,7 @@ def _dives(time: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def _depth(time: np.ndarray, forward: np.ndarray, pitch: np.ndarray) -> np.ndarray:
-    """Depth of a glider that moves along its axis, held over a sample, m, shape (n,); at its shallowest 15 m."""
+    """Depth of a glider that moves along its axis, constant speed over a sample, m, shape (n,); at least 15 m."""
     _, _, sinking = velocity_ned(forward, 0.0, 0.0, 0.0, pitch, 0.0)
     depth = np.concatenate([[0.0], np.cumsum(sinking[:-1] * np.diff(time))])
     return depth - depth.min() + _SHALLOWEST

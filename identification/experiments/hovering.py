@@ -33,15 +33,15 @@ MEASURED = {  # outputs that the controller and the record have; None: all
     "depth": (*_ATTITUDE, "depth_m"),
     "attitude": _ATTITUDE,
 }
-_POSITION_NOISE = 0.02  # m, of an acoustic position nearby
+_POSITION_NOISE = 0.02  # m, of acoustic positioning at close range
 _DEPTH = 10.0  # m, where an experiment begins
 _HOLD = (10.0, 25.0)  # s between changes of a set point
 _STEPS = {"north_m": (0.5, 2.0), "east_m": (0.5, 2.0), "depth_m": (0.5, 1.5), "heading_rad": (0.5, 1.5)}
-# how far a lasting excitation may push a vehicle against its loop or its righting moment: it would move about an axis
-# that tilts with it, and what one axis tells would get lost among the others
+# how far a lasting excitation may push a vehicle against its control loop or righting moment: beyond that, the
+# vehicle's axes tilt, and the responses along different axes would mix
 _PUSHED = {**dict.fromkeys(AXES[:3], 0.3), **dict.fromkeys(AXES[3:5], 0.15), "yaw_Nm": 0.5}  # m, rad
-_TILTED = 0.3  # rad, rms, in open loop
-_DWELL = 2.0  # of the time of the quickest loop, 1 / frequency
+_TILTED = 0.3  # rad, RMS, in open loop
+_DWELL = 2.0  # times 1 / frequency of the fastest loop
 
 
 def hover(
@@ -61,18 +61,18 @@ def hover(
 ) -> Record:
     """A record of a vehicle with thrusters under random telegraph signals.
 
-    loop: "closed": its PID autopilot follows drawn steps of position, depth and heading, roll and pitch level, and a
-    signal of its own is added to the wrench along each axis.  "open": nothing steers, and a signal of its own moves
-    each thruster about the thrust that carries the vehicle's weight.
-    amplitude: over what the thrusters can do along an axis, or one of them; less where a push that lasts would carry
-    the vehicle off or tilt it far.  0: none.  dwell: s, mean time between changes of a signal, default two times
-    1 / frequency of the quickest loop.  axes: that are excited in closed loop, default all that the thrusters serve
-    and that something measured shows.  measured: "all", "depth" (attitude, rates and depth) or "attitude" (and rates);
-    what is not measured, nothing steers.  Noises are white, standard deviations: compass_noise rad, depth_noise m; and
-    `noise` times as large, as those of all sensors.  under_way: what moves in the plant's place.
-    All is drawn before the run: one seed is one experiment, whatever the plant's effects.  Beside the commands, the
-    record has the wrench that they make of thrusters without effects (`surge_N` to `yaw_Nm`), which is what a linear
-    model of the motion is driven by.  Raises ValueError, Diverged.
+    loop: "closed": the PID autopilot follows random steps of position, depth and heading with roll and pitch level, and
+    an independent signal is added to the wrench along each axis.  "open": there is no controller, and an independent
+    signal moves each thruster about the thrust that carries the vehicle's weight.
+    amplitude: relative to the authority along an axis, or of a thruster; reduced if a lasting push would carry the
+    vehicle off or tilt it far; 0: none.  dwell: s, mean time between changes of a signal, default twice 1 / frequency
+    of the fastest loop.  axes: to excite in closed loop, default all that the thrusters serve and a sensor shows.
+    measured: "all", "depth" (attitude, rates and depth) or "attitude" (and rates); only measured channels are
+    controlled.  Noises are white, given by standard deviations: compass_noise rad, depth_noise m; all sensors' noises
+    are multiplied by `noise`.  under_way: moves in the plant's place.
+    Everything is drawn before the run: a seed gives the same experiment whatever the plant's effects.  In addition to
+    the commands, the record has the wrench that thrusters without effects would make of them (`surge_N` to `yaw_Nm`),
+    the input of a linear model of the motion.  Raises ValueError, Diverged.
     """
     _check(plant, loop, amplitude, measured)
     n = round(duration / plant.dt) + 1
@@ -125,7 +125,7 @@ def _check(plant: Plant, loop: str, amplitude: float, measured: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Unsteered:
-    """Constant commands, whatever is read and wanted."""
+    """A controller with constant commands, whatever the readings and targets."""
 
     constant: dict[str, float]
 
@@ -141,7 +141,7 @@ class Unsteered:
 
 
 def _open_loop(steered: Allocated, amplitude: float, settings: dict[str, Any]) -> Controller:
-    """Each thruster between two thrusts to either side of the one that carries the weight."""
+    """A controller that switches each thruster between two thrusts around the one that carries the weight."""
     law, allocation, thrusters = steered.controller, steered.allocation, steered.thrusters
     assert isinstance(law, HoverPid)
     trim = allocation.share(law.dynamics.resistance(np.zeros(6), 0.0, 0.0, _DEPTH)).thrusts
@@ -149,7 +149,7 @@ def _open_loop(steered: Allocated, amplitude: float, settings: dict[str, Any]) -
     sizes = amplitude * np.minimum(high - trim, trim - low)
     arms, stiffness = allocation.matrix[3:5], law.dynamics.stiffness[3:5]
     for i in range(2):
-        moment = float(np.hypot.reduce(arms[i] * sizes))  # rms of independent signals
+        moment = float(np.hypot.reduce(arms[i] * sizes))  # RMS of independent signals
         if stiffness[i] > 0.0 and moment > _TILTED * stiffness[i]:
             sizes = np.where(np.abs(arms[i]) > 1e-9, sizes * _TILTED * stiffness[i] / moment, sizes)
     constant, signals = {}, {}
@@ -168,7 +168,7 @@ def _one_command(thrusters: Any, trim: np.ndarray, index: int, thrust: float) ->
 
 
 def _signal(amplitude: float, *, dwell_s: float, n: int, dt: float, rng: np.random.Generator) -> np.ndarray:
-    """Drawn even where there is none, so that what follows is drawn alike."""
+    """A telegraph signal; it is drawn even for amplitude zero, so that later draws do not change."""
     drawn = make_signal("telegraph", n, dt, rng, amplitude=1.0, dwell_s=dwell_s)
     return amplitude * drawn
 
@@ -179,7 +179,7 @@ def _dwell(steered: Allocated, dt: float) -> float:
 
 
 def _excited_axes(steered: Allocated, outputs: Sequence[str], axes: Sequence[str] | None) -> tuple[str, ...]:
-    """The axes that thrusters serve and a measured channel shows; raises where others are asked for."""
+    """The axes that thrusters serve and a measured channel shows; raises if other axes are requested."""
     placed = all(name in outputs for name in POSE[:2])
     shown = [placed, placed, placed or "depth_m" in outputs, True, True, True]
     served = tuple(name for name, here in zip(AXES, shown) if here and name in steered.allocation.counts)
@@ -194,7 +194,7 @@ def _excited_axes(steered: Allocated, outputs: Sequence[str], axes: Sequence[str
 
 
 def _size(steered: Allocated, axis: str, share: float) -> float:
-    """The size of a signal along an axis: a share of its authority, or what pushes the vehicle as far as it may."""
+    """The amplitude of a signal along an axis: a share of its authority, limited by how far it may push the vehicle."""
     law = steered.controller
     assert isinstance(law, HoverPid)
     i = AXES.index(axis)
@@ -203,7 +203,7 @@ def _size(steered: Allocated, axis: str, share: float) -> float:
 
 
 def _bounded(values: np.ndarray, name: str) -> np.ndarray:
-    """Depths mirrored so that they stay between half and twice the first one; others as they are."""
+    """Depths mirrored to stay between half and twice the first depth; other channels unchanged."""
     if name != "depth_m":
         return values
     low, width = 0.5 * _DEPTH, 1.5 * _DEPTH
@@ -238,7 +238,7 @@ def _run(
     commanded = plant.family.actuators
     x, u = at_rest(plant, start)
     at = [plant.outputs.index(name) for name in outputs]
-    clock = [k for k, name in enumerate(plant.inputs) if name == "elapsed_s"]  # what sags with time needs it
+    clock = [k for k, name in enumerate(plant.inputs) if name == "elapsed_s"]  # effects that grow with time need it
     n, memory = time.size, controller.start()
     readings, inputs = np.empty((n, len(at))), np.empty((n, len(commanded)))
     reports: list[dict[str, float]] = []

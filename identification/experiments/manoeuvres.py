@@ -26,7 +26,7 @@ NOISE = {  # standard deviations of the other sensors
     "position": 1.0,  # m
 }
 _DEPTHS, _DEPTH_STEP = (8.0, 22.0), (1.0, 4.0)  # lengths
-_SPEEDS, _SPEED_STEP = (0.7, 1.0), (0.1, 0.25)  # cruise speeds
+_SPEEDS, _SPEED_STEP = (0.7, 1.0), (0.1, 0.25)  # shares of cruise speed
 _TURN = (radians(20.0), radians(70.0))
 _HOLD = (20.0, 45.0)  # lengths travelled between changes of a set point
 _CLOCK = 2.0  # lengths travelled in a bit of the excitation
@@ -44,10 +44,10 @@ def steer(
 ) -> Record:
     """Simulate a torpedo that follows random steps of heading, depth and speed, with a PRBS added to rudder and plane.
 
-    The controller (default `usual_autopilot`) acts on noisy readings. All is drawn before the run, so that
-    one seed gives one experiment whatever the plant's effects; it starts in cruise.  excitation: amplitude over the
-    stop of a fin.  Noises are white, standard deviations: compass_noise rad, depth_noise m, others see NOISE; where
-    the plant's own `effects.sampling` has noise, that stands.
+    The controller (default `usual_autopilot`) acts on noisy readings. Everything is drawn before the run, so that a
+    seed gives the same experiment whatever the plant's effects; it starts in cruise.  excitation: amplitude relative to
+    the stop of a fin.  Noises are white, given by standard deviations: compass_noise rad, depth_noise m, others see
+    NOISE; if the plant's own `effects.sampling` has noise, that noise is used.
     Raises ValueError for other vehicles, or if the run is cut short.
 
     Example:
@@ -86,14 +86,14 @@ def steer(
 
 
 def steered(plant: Plant) -> tuple[str, str, str]:
-    """The inputs that steer a vehicle in yaw and pitch and drive it."""
+    """The inputs that steer a vehicle in yaw, steer it in pitch, and drive it."""
     helm = find_helm(plant)
     return plant.inputs[helm.rudder], plant.inputs[helm.plane], plant.inputs[helm.drive]
 
 
 @dataclass(frozen=True, eq=False)
 class Manoeuvres:
-    """Drawn manoeuvres: start and set points of heading, depth and speed, (n,) by channel, and signals at two fins."""
+    """Drawn manoeuvres: initial values and set points of heading, depth and speed, (n,) by channel, and fin signals."""
 
     time: np.ndarray
     start: dict[str, float]

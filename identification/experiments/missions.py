@@ -1,4 +1,4 @@
-"""The standard experiment of each family of vehicles, simulated: what a log of such a vehicle looks like."""
+"""The standard experiment of each family of vehicles, simulated as a typical log of such a vehicle."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def run_mission(plant: Plant, rng: np.random.Generator, **settings: Any) -> Reco
 
 
 def check_mission(plant: Plant, settings: Iterable[str]) -> None:
-    """Raises ValueError on a setting that the experiment does not have, or sampled readings where it makes its own."""
+    """Raise ValueError for a setting that the experiment does not have, or for sampling noise if it adds its own."""
     mission = mission_of(plant)
     for name in settings:
         if name not in mission.settings:
@@ -47,7 +47,7 @@ def check_mission(plant: Plant, settings: Iterable[str]) -> None:
 
 
 def sampling_of(plant: Plant) -> list[str]:
-    """The paths of what happens to readings when they are sampled."""
+    """The paths of sampling effects on readings."""
     return [path for path in list_paths(plant) if path.startswith("effects.sampling.")]
 
 

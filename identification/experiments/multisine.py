@@ -1,4 +1,4 @@
-"""Multisines: sums of sines with a low crest factor, which put all of their power where it is wanted."""
+"""Multisines: sums of sines with a low crest factor, whose power is concentrated at chosen frequencies."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from math import pi
 
 import numpy as np
 
-_POWERS = (4, 8, 16, 32, 64)  # of the norms that are minimised one after the other; the last is nearly the peak
+_POWERS = (4, 8, 16, 32, 64)  # orders of the norms that are minimised in turn; the last is close to the peak
 _ITERATIONS = 25  # in each norm
-_OVERSAMPLING = 16  # samples per period of the highest line, between which a sine rises by 2 % at most
+_OVERSAMPLING = 16  # samples per period of the highest line; a sine rises by at most 2 % between them
 
 
 def multisine(
@@ -24,11 +24,11 @@ def multisine(
     period_s: float | None = None,
     shares: Sequence[float] | None = None,
 ) -> np.ndarray:
-    """A sum of sines of low crest factor whose largest sample is `amplitude`, shape (n,), from a drawn sample on.
+    """A sum of sines of low crest factor, shape (n,), with the largest sample `amplitude` and a random start.
 
-    period_s: of the whole, default n dt.  lines: multiples of 1/period_s, or how many: then from the first one on, or
-    spread evenly over band_Hz.  shares: the sines' relative amplitudes, default equal.
-    Two signals on different lines, odd ones and even ones say, are uncorrelated over a period.
+    period_s: of the whole, default n dt.  lines: multiples of 1/period_s, or their number: then from the first one on,
+    or spread evenly over band_Hz.  shares: the sines' relative amplitudes, default equal.
+    Two signals on different lines, for example odd and even ones, are uncorrelated over a period.
     """
     samples = n if period_s is None else round(period_s / dt)
     if period_s is not None and not (2 <= samples <= n and abs(samples * dt - period_s) < 1e-6 * dt * samples):
@@ -52,7 +52,7 @@ def multisine(
 
 
 def crest_factor(signal: np.ndarray) -> float:
-    """The largest size of a signal over its root mean square: 1 for a binary one, 1.41 for a sine."""
+    """The ratio of a signal's peak to its root mean square: 1 for a binary signal, 1.41 for a sine."""
     signal = np.asarray(signal, dtype=float)
     power = float(np.mean(signal**2)) if signal.size else 0.0
     if not power > 0.0:
@@ -62,16 +62,16 @@ def crest_factor(signal: np.ndarray) -> float:
 
 @lru_cache(maxsize=64)
 def low_crest_phases(lines: tuple[int, ...], shares: tuple[float, ...], samples: int) -> np.ndarray:
-    """Phases of cosines, rad, with which the largest of so many samples of a period is small.
+    """Phases of cosines, rad, with a small peak over `samples` samples of a period.
 
-    From Schroeder's phases by the method of Levenberg and Marquardt on norms of rising order, which come near the peak.
+    Levenberg-Marquardt on norms of rising order, which approach the peak, starting from Schroeder's phases.
     Source: Schroeder 1970, IEEE Trans. Inf. Theory 16, 85-89; Guillaume et al. 1991, IEEE Trans. Instrum. Meas. 40,
     982-989.
     """
     weights = np.array(shares) / np.sqrt(0.5 * np.sum(np.square(shares)))
     basis = weights * np.exp(2j * pi * np.outer(np.arange(samples), lines) / samples)
     power = weights**2 / np.sum(weights**2)
-    # a tenth short of Schroeder's, which for two lines are a maximum of the peak
+    # 10 % less than Schroeder's phases, which for two lines are at a maximum of the peak
     phases = -0.9 * 2.0 * pi * np.cumsum(np.cumsum(power) - power)
     best, lowest = phases, np.inf
     for order in _POWERS:
@@ -79,18 +79,18 @@ def low_crest_phases(lines: tuple[int, ...], shares: tuple[float, ...], samples:
         peak = float(np.abs(_wave(basis, phases)).max())
         if peak < lowest:
             best, lowest = phases, peak
-    best.flags.writeable = False  # one array for all who ask
+    best.flags.writeable = False  # all callers share one array
     return best
 
 
 def _least_norm(basis: np.ndarray, phases: np.ndarray, order: int) -> np.ndarray:
-    """Phases near the given ones at which the sum of the waveform's powers of 2 `order` is least."""
+    """Phases near the given ones at which the sum of the waveform's powers of order 2 `order` is smallest."""
     scale = float(np.abs(_wave(basis, phases)).max())  # keeps powers within floating point
     cost, damping = _cost(basis, phases, order, scale), 1e-2
     for _ in range(_ITERATIONS):
         turned = basis * np.exp(1j * phases)
         x = np.real(turned).sum(axis=1) / scale
-        counting = np.abs(x) > 1e-8 ** (1.0 / order)  # the rest would be numbers too small for fast arithmetic
+        counting = np.abs(x) > 1e-8 ** (1.0 / order)  # the rest would be denormal numbers, which are slow
         turned, x = turned[counting], x[counting]
         jacobian = (order * x ** (order - 1) / scale)[:, None] * -np.imag(turned)
         normal, gradient = jacobian.T @ jacobian, jacobian.T @ x**order

@@ -1,4 +1,4 @@
-"""The experiments with each kind of vehicle: one module a kind, each with a `KIND`."""
+"""The experiments with each kind of vehicle: one module per kind, each with a `KIND`."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from identification.experiments.designs import Design
 
 @dataclass(frozen=True)
 class Mission:
-    """An experiment; settings: the names that it takes, in SI, beside the plant and the generator.
+    """An experiment; settings: the names of its arguments, in SI, in addition to the plant and the generator.
 
-    sampled: whether its sensors have `effects.sampling`; else its own settings say how noisy they are.
+    sampled: whether its sensors use `effects.sampling`; otherwise its own settings give the noise.
     """
 
     title: str
@@ -28,8 +28,8 @@ class Mission:
 class ExperimentKind:
     """Experiments with a kind of vehicle.
 
-    mission: the standard one.  designs: those from which the next one is chosen.  minutes: how long one should at
-    least, and may at most, take.  environment: where a model of such a vehicle runs, if there is one such place.
+    mission: the standard one.  designs: the candidates for the next experiment.  minutes: shortest sensible and longest
+    allowed duration.  environment: the one in which a model of such a vehicle runs, if there is a single one.
     """
 
     mission: Callable[[Plant], Mission]

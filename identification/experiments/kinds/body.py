@@ -1,4 +1,4 @@
-"""Experiments with a vehicle in six degrees of freedom: heading, depth and speed in steps, fins excited."""
+"""Experiments with a vehicle in six degrees of freedom: steps of heading, depth and speed, with excited fins."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _ZIGZAG = radians(15.0)
 
 @lru_cache(maxsize=4)
 def _cruise(plant: Plant) -> Cruise:
-    return find_cruise(plant)  # a tenth of a second
+    return find_cruise(plant)  # takes a tenth of a second
 
 
 def _manoeuvres(plant: Plant, rng: np.random.Generator, **settings: Any) -> Record:
@@ -50,7 +50,10 @@ def _designs(plant: Plant) -> tuple[Design, ...]:
         speed: Sequence[float] = (1.0,),
         excitation: Callable[[Plant], Tables] | None = None,
     ):
-        """heading: from the length and the time of a length travelled, s.  depth: lengths.  speed: of cruise."""
+        """The tables of a trip; heading: function of the duration and of the time to travel one length, s.
+
+        depth: lengths.  speed: shares of cruise speed.
+        """
 
         def tables(plant: Plant, duration: float) -> Tables:
             cruise, length = _cruise(plant), float(plant.hull.length)
@@ -79,7 +82,7 @@ def _designs(plant: Plant) -> tuple[Design, ...]:
         return hold_levels(duration, 35.0 * lap, (0.0, TURN, -0.5 * TURN, 1.5 * TURN))
 
     def zigzag(plant: Plant) -> Tables:
-        # the regulator's gain takes rudder off where the heading is too far to starboard
+        # the sign of the regulator's gain shows to which side a positive rudder turns
         side = 1.0 if _cruise(plant).rudder_gains[2] > 0.0 else -1.0
         amplitude = side * min(_ZIGZAG, 0.8 * float(command_limits(plant)[0]))
         return {"kind": "zigzag", "at": steered(plant)[0], "amplitude": amplitude}

@@ -1,4 +1,4 @@
-"""Experiments with a float: from depth to depth by a piston, or dives with pump and valve."""
+"""Experiments with a float: depth steps by a piston, or dives with pump and valve."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from identification.experiments.float_dives import depth_control, oil_mission, s
 from identification.experiments.kinds import ExperimentKind, Mission
 
 _LAKE_TARGETS, _LAKE_HOLD = (40.0, 0.0), 600.0  # m, s
-_DIVE_SPEED = 0.07  # m/s, about what a float with an oil bladder sinks and rises at
-_DIVE_REST = 8000.0  # s, that such a dive spends parked and near the surface
+_DIVE_SPEED = 0.07  # m/s, typical sinking and rising speed of a float with an oil bladder
+_DIVE_REST = 8000.0  # s, that a dive spends parked and near the surface
 
 
 def _by_piston(plant: Plant) -> bool:
@@ -30,7 +30,7 @@ def _lake(
     duration: float | None = None,
     depth_noise: float = 0.02,
 ) -> Record:
-    """duration: s, shared evenly by the targets."""
+    """Depth control in a lake; duration: s, divided equally among the targets."""
     hold = _LAKE_HOLD if duration is None else duration / len(target_depths)
     return depth_control(plant, target_depths, rng=rng, hold=hold, noise=depth_noise, temperature_profile=summer_lake)
 

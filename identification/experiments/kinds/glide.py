@@ -12,7 +12,7 @@ from identification.experiments.designs import DEPTH_NOISE, Design, Tables, miss
 from identification.experiments.glider_dives import yo_mission
 from identification.experiments.kinds import ExperimentKind, Mission
 
-_SINKS = 0.12  # m/s, about what a glider sinks and rises at
+_SINKS = 0.12  # m/s, typical vertical speed of a glider
 
 
 def _dives(plant: Plant, rng: np.random.Generator, *, depth_noise: float = 0.05, **settings: Any) -> Record:

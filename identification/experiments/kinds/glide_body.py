@@ -19,7 +19,7 @@ from identification.experiments.kinds import ExperimentKind, Mission
 from identification.experiments.manoeuvres import NOISE
 
 _TURN, _HOLD = (radians(20.0), radians(70.0)), (200.0, 500.0)  # rad and s: a Seawing turns by 30 deg a minute at most
-_NOT_MEASURED = ("depth_rate_mps", "north_cmd_m", "east_cmd_m", "depth_cmd_m")  # but computed, or of the environment
+_NOT_MEASURED = ("depth_rate_mps", "north_cmd_m", "east_cmd_m", "depth_cmd_m")  # but computed, or the environment's
 _SENSORS = ("inclinometer", "gyros", "position")
 
 
@@ -32,7 +32,10 @@ def _yos(
     depth_noise: float = DEPTH_NOISE,
     **flown: Any,
 ) -> Record:
-    """flown: settings of the autopilot. Where the plant's own `effects.sampling` has noise, that stands."""
+    """Yos with heading steps; flown: settings of the autopilot.
+
+    If the plant's own `effects.sampling` has noise, that noise is used.
+    """
     noise = {**{name: NOISE[name] for name in _SENSORS}, "compass": compass_noise, "depth": depth_noise}
     own = plant.effects.sampling
     noisy = {f"effects.sampling.{s}.noise": v for s, v in noise.items() if getattr(own, s).noise == 0.0}

@@ -1,4 +1,4 @@
-"""Experiments with a glider: its heading changes, and its rudder is excited."""
+"""Experiments with a glider: heading steps, with an excited rudder."""
 
 from __future__ import annotations
 

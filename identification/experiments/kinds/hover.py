@@ -1,4 +1,4 @@
-"""Experiments with a vehicle that hovers by thrusters: telegraph signals along its axes, or at its thrusters."""
+"""Experiments with a vehicle that hovers by thrusters: telegraph signals along its axes, or at single thrusters."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from identification.experiments.hovering import hover
 from identification.experiments.kinds import ExperimentKind, Mission
 
 _SETTINGS = ("duration", "compass_noise", "depth_noise", "loop", "amplitude", "dwell", "axes", "measured")
-_SLOW = 4.0  # s, of a dwell in which a vehicle comes near to a steady speed
+_SLOW = 4.0  # s, a dwell long enough for a vehicle to approach a steady speed
 
 
 def _telegraph(plant: Plant, rng: np.random.Generator, **settings: Any) -> Record:
