@@ -1,1 +1,1 @@
-"""Campaigns: one file says which experiments to run, which models to fit to them and what to compare."""
+"""Campaigns: one file defines the experiments to run, the models to fit to them, and the comparisons to make."""

@@ -1,4 +1,4 @@
-"""The models of a campaign: each `[[fit]]` on the runs that it names, judged on others, kept in the folder `models`."""
+"""The models of a campaign: each `[[fit]]` on its runs, tested on others, kept in the folder `models`."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ from identification.estimate import Estimate
 from identification.estimator import make_estimator
 
 FOLDER, LIST = "models", "fits.json"
-FORMAT = 1  # goes up where the same settings come to give another result
-VEHICLE = "vehicle as designed"  # its free runs, beside those of the models
+FORMAT = 1  # increased when the same settings come to give a different result
+VEHICLE = "vehicle as designed"  # label of its free runs, beside those of the models
 
 
 @dataclass(frozen=True, eq=False)
 class FitTask:
     """One model to fit.
 
-    name: of the model, and of its files.  cell: the grid's values that `each` asked for.  train, held: runs.
-    settings: of a run that it is fitted to; origin: the folder that files in them are relative to.
+    name: of the model and of its files.  cell: the grid's values that `each` asked for.  train, held: runs.
+    settings: of one of its training runs; origin: the folder that file names in them are relative to.
     """
 
     name: str
@@ -52,7 +52,7 @@ class FitTask:
 
     @property
     def key(self) -> str:
-        """A hash of all that the result depends on."""
+        """A hash of everything that the result depends on."""
         told = {
             "format": FORMAT,
             "fit": self.fit.model_dump(mode="json", include={"method", "settings", "inputs", "outputs"}),
@@ -66,9 +66,9 @@ class FitTask:
 def fit_models(
     campaign: Campaign, folder: str | Path, *, jobs: int = 1, progress: Progress | None = None
 ) -> list[dict[str, Any]]:
-    """What each fit gave, as `models/NAME.json` has it; `status` is done or failed, then with a `reason`.
+    """Make all fits; returns each result as stored in `models/NAME.json`; `status` is done or failed, with a `reason`.
 
-    A fit whose settings and runs are those of an earlier call is not made again.
+    A fit with the same settings and runs as in an earlier call is not repeated.
     """
     folder = Path(folder)
     tasks = planned_fits(campaign, read_index(folder))
@@ -78,7 +78,7 @@ def fit_models(
 def planned_fits(campaign: Campaign, rows: Sequence[Row]) -> list[FitTask]:
     """The fits of a campaign on the runs that went as planned: one each, or one for each value that `each` asks for.
 
-    Without `validate`, a model is judged on the other seeds of its own cells.
+    Without `validate`, a model is tested on the other seeds of its own cells.
     """
     settings = {run.id: run.settings for run in plan(campaign)} if campaign.fit else {}
     usable = [row for row in rows if row.usable and row.id in settings]
@@ -101,17 +101,17 @@ def planned_fits(campaign: Campaign, rows: Sequence[Row]) -> list[FitTask]:
 
 
 def read_fits(folder: str | Path) -> list[dict[str, Any]]:
-    """What `fit_models` gave last; empty where nothing was fitted."""
+    """The results of the last `fit_models`; empty if nothing was fitted."""
     return _shelf(folder).read()
 
 
 def load_fitted(folder: str | Path, fit: Mapping[str, Any]) -> Model:
-    """The model of a fit that is done."""
+    """The model of a successful fit."""
     return load_model(Path(folder) / FOLDER / str(fit["file"]))
 
 
 def designed_vehicle(settings: RunSettings, origin: Path) -> Plant | None:
-    """The vehicle of a run without the effects that the campaign gives it; None for a log without a vehicle."""
+    """The vehicle of a run without the campaign's effects; None for a log without a vehicle."""
     if settings.vehicle is not None:
         return make_campaign_vehicle(settings.vehicle, origin, effects=False)
     if settings.experiment.kind != "env":
@@ -124,18 +124,18 @@ def designed_vehicle(settings: RunSettings, origin: Path) -> Plant | None:
 
 
 def _shelf(folder: str | Path) -> Shelf:
-    """Where results are, and the models that they name."""
+    """The storage of results and of the models that they name."""
     return Shelf(Path(folder) / FOLDER, LIST, lambda result: [result["file"]])
 
 
 def _fitted(folder: Path, task: FitTask) -> dict[str, Any]:
-    """A model fitted, judged and written."""
+    """Fit, test and write a model."""
     started = perf_counter()
     result = _empty(task)
     try:
         _fill(result, task, folder)
         result["status"] = "done"
-    except Exception as error:  # whatever a method raises, the other fits go on, and this one says why it did not
+    except Exception as error:  # any error: the other fits continue, and this one reports its reason
         ours = isinstance(error, ValueError | ImportError) or type(error).__name__ == "Diverged"
         result["reason"] = str(error) if ours else f"{type(error).__name__}: {error}"
     result["seconds"] = result["seconds"] or perf_counter() - started
@@ -144,7 +144,7 @@ def _fitted(folder: Path, task: FitTask) -> dict[str, Any]:
 
 
 def _empty(task: FitTask) -> dict[str, Any]:
-    """The result of a fit that has not been made."""
+    """The result for a fit that has not been made."""
     return {
         "key": task.key,
         "name": task.name,
@@ -209,7 +209,7 @@ def _fill(result: dict[str, Any], task: FitTask, folder: Path) -> None:
 
 
 def _judged(model: Model, plant: Plant | None, record: Record) -> OpenLoop:
-    """Free runs of a model, and of the vehicle as designed where it can follow the record at all."""
+    """Free runs of a model, and of the vehicle as designed if it can follow the record."""
     if plant is not None:
         with suppress(ValueError):
             return open_loop({"model": model, VEHICLE: plant}, record)

@@ -1,4 +1,4 @@
-"""The gains of a campaign: `[tune]`, for the vehicle that one of its fits found, over the intervals of that fit."""
+"""The gains of a campaign: `[tune]` for the vehicle found by one of its fits, over the intervals of that fit."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ _FILE = "Gains: "
 
 
 def tune_fitted(campaign: Campaign, folder: str | Path, progress: Progress) -> tuple[bool, list[str]]:
-    """Write gains.toml, tuning.json and tuning.html; whether all requirements are met, and what came of it in words.
+    """Write gains.toml, tuning.json and tuning.html; returns whether all requirements are met, and a summary.
 
-    Gains of the same settings and the same fit are not tuned again.  Without the fit, the words say why.
+    Gains for the same settings and the same fit are not tuned again.  Without the fit, the summary gives the reason.
     """
     folder, asked = Path(folder), campaign.tune
-    assert asked is not None  # the caller sees to it
+    assert asked is not None  # checked by the caller
     fit = next((fit for fit in read_fits(folder) if fit["fit"] == asked.fit), None)
     if fit is None or fit["status"] != "done":
         return False, [f"No gains: the fit {asked.fit!r} is not done ({fit['reason'] if fit else 'run the fits'})."]
@@ -67,8 +67,8 @@ def tune_fitted(campaign: Campaign, folder: str | Path, progress: Progress) -> t
 
 
 def _held_out(fit: Mapping[str, Any], found: Judged) -> list[str]:
-    """How well the fit predicts what the loops control, in runs that it has not seen."""
-    from identification.campaign.report.models import median_fit_percents  # which imports this module
+    """How well the fit predicts the controlled channels, in runs that it was not fitted to."""
+    from identification.campaign.report.models import median_fit_percents  # imported here, as it imports this module
 
     reached = median_fit_percents(fit)
     told = [f"{percent(reached[name])} in {channel(name).label}" for name in found.loops if name in reached]
@@ -76,7 +76,7 @@ def _held_out(fit: Mapping[str, Any], found: Judged) -> list[str]:
 
 
 def read_tuned(folder: str | Path) -> list[str]:
-    """What the tuning of a campaign found, in words, without its files; empty where nothing has been tuned."""
+    """The summary of a campaign's tuning, without its files; empty if nothing has been tuned."""
     try:
         found = json.loads((Path(folder) / RESULT).read_text(encoding="utf-8"))["found"]
         return [str(words) for words in found if not words.startswith(_FILE)]
@@ -85,7 +85,7 @@ def read_tuned(folder: str | Path) -> list[str]:
 
 
 def _kept(folder: Path, key: str) -> tuple[bool, list[str]] | None:
-    """What an earlier call found for this very fit, if its gains are still there."""
+    """The result of an earlier call for the same fit, if its gains still exist."""
     try:
         told = json.loads((folder / RESULT).read_text(encoding="utf-8"))
         return (told["passed"], told["found"]) if told["key"] == key and (folder / GAINS).is_file() else None

@@ -1,4 +1,4 @@
-"""The index of a campaign's folder: what became of each run. Run files are the truth, and the index is made of them."""
+"""The index of a campaign's folder: the outcome of each run. The index is derived from the run files."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _GRID = "grid."
 @final
 @dataclass(frozen=True)
 class Row:
-    """What became of one run.
+    """The outcome of one run.
 
-    status: see `perform.Outcome`; pending for one that has not been run.  cell: the grid's values, by key.
-    sha256: of the record's numbers; empty without a record.  seconds: that the run took.
+    status: see `perform.Outcome`; pending for a run that has not been made.  cell: the grid's values, by key.
+    sha256: of the record's numbers; empty without a record.  seconds: computing time of the run.
     """
 
     id: str
@@ -49,22 +49,22 @@ class Row:
         return bool(self.sha256)
 
     def path(self, folder: str | Path) -> Path:
-        """Where the run's record is, if there is one."""
+        """The path of the run's record, if there is one."""
         return run_file(folder, self.id)
 
 
 def run_file(folder: str | Path, id: str) -> Path:
-    """The file of a run in a campaign's folder."""
+    """The path of a run's file in a campaign's folder."""
     return Path(folder) / RUNS / f"{id}.nc"
 
 
 def planned_row(run: PlannedRun) -> Row:
-    """The row of a run that has not been run."""
+    """The row of a run that has not been made."""
     return Row(run.id, "pending", run.seed, run.cell)
 
 
 def with_outcome(row: Row, outcome: Outcome) -> Row:
-    """The row with what came of its run."""
+    """The row with the outcome of its run."""
     return replace(
         row,
         status=outcome.status,
@@ -77,9 +77,9 @@ def with_outcome(row: Row, outcome: Outcome) -> Row:
 
 
 def rows_from_run_files(runs: Sequence[PlannedRun], folder: str | Path) -> list[Row]:
-    """The rows of all runs as their files have it; what the index says counts only for runs that left no file.
+    """The rows of all runs according to their files; the index counts only for runs without a file.
 
-    Files that are damaged, or whose numbers are not those that were written, count as not there.
+    Damaged files, and files whose numbers are not those that were written, count as missing.
     """
     told = {row.id: row for row in read_index(folder)} if (Path(folder) / INDEX).is_file() else {}
     rows = []
@@ -95,13 +95,13 @@ def rows_from_run_files(runs: Sequence[PlannedRun], folder: str | Path) -> list[
 
 
 def strangers(runs: Iterable[PlannedRun], folder: str | Path) -> list[Path]:
-    """Run files in the folder that belong to no run of the campaign as it is now."""
+    """Run files in the folder that do not belong to any run of the present campaign."""
     ids = {run.id for run in runs}
     return sorted(path for path in (Path(folder) / RUNS).glob("*.nc") if path.stem not in ids)
 
 
 def write_index(rows: Sequence[Row], folder: str | Path) -> None:
-    """Writes the index as CSV, aside and then renamed; values of the grid as JSON."""
+    """Write the index as CSV, aside and then renamed; the grid's values are in JSON."""
     keys = list(dict.fromkeys(key for row in rows for key in row.cell))
     with replacing(Path(folder) / INDEX) as new, new.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
@@ -112,7 +112,7 @@ def write_index(rows: Sequence[Row], folder: str | Path) -> None:
 
 
 def read_index(folder: str | Path) -> list[Row]:
-    """The rows of a campaign's folder; raises ValueError if it has no index, or one that this did not write."""
+    """The rows of a campaign's folder; raises ValueError if it has no index, or one written by something else."""
     path = Path(folder) / INDEX
     try:
         with path.open(encoding="utf-8", newline="") as file:

@@ -1,4 +1,4 @@
-"""Identified models in the vehicle's place: driven by its inputs, or by its controller in its environment."""
+"""Rollouts of identified models in the vehicle's place, driven by its inputs or by its controller."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from identification.compare.model_tests import open_loop, over_time
 
 FOLDER, LIST = "rollouts", "rollouts.json"
 KINDS = ("open", "closed")
-FORMAT = 3  # goes up where the same settings come to give another result
+FORMAT = 3  # increased when the same settings come to give a different result
 
 
 @dataclass(frozen=True, eq=False)
 class RolloutTask:
-    """The rollouts of all models that fit to one run, in open or in closed loop.
+    """The rollouts, on one run, of all models that apply to it, in open or in closed loop.
 
-    fits: results of `fit_models`, done.  origin: the folder that files in the settings are relative to.
+    fits: successful results of `fit_models`.  origin: the folder that file names in the settings are relative to.
     """
 
     kind: str
@@ -46,12 +46,12 @@ class RolloutTask:
 
     @property
     def name(self) -> str:
-        """Of its files."""
+        """The name of its files."""
         return f"{self.kind}-{self.row.id}"
 
     @property
     def key(self) -> str:
-        """A hash of all that the result depends on."""
+        """A hash of everything that the result depends on."""
         told = [FORMAT, self.kind, self.row.id, self.row.sha256, [fit["key"] for fit in self.fits]]
         return hashlib.sha256(json.dumps(told).encode()).hexdigest()
 
@@ -59,10 +59,10 @@ class RolloutTask:
 def compare_rollouts(
     campaign: Campaign, folder: str | Path, *, jobs: int = 1, progress: Progress | None = None
 ) -> list[dict[str, Any]]:
-    """What came of the rollouts on each run, as `rollouts/KIND-RUN.json` has it; the runs lie beside it as NetCDF.
+    """The results of the rollouts on each run, as stored in `rollouts/KIND-RUN.json`; the runs are beside it as NetCDF.
 
-    Open loop: free runs over the record.  Closed loop: the run again with the same controller, set points and seed, and
-    with each model in the vehicle's place.  What was compared before, with the same models, is not compared again.
+    Open loop: free runs over the record.  Closed loop: the run is repeated with the same controller, set points and
+    seed, and with each model in the vehicle's place.  A comparison with the same models as before is not repeated.
     """
     folder = Path(folder)
     tasks = planned_rollouts(campaign, read_index(folder), read_fits(folder))
@@ -70,7 +70,7 @@ def compare_rollouts(
 
 
 def planned_rollouts(campaign: Campaign, rows: Sequence[Row], fits: Sequence[Mapping[str, Any]]) -> list[RolloutTask]:
-    """The comparisons that a campaign asks for: each run with the models fitted for its cell, but not to it."""
+    """The comparisons that a campaign asks for: each run with the models of its cell that were not fitted to it."""
     if campaign.compare is None:
         return []
     settings = {run.id: run.settings for run in plan(campaign)}
@@ -87,7 +87,7 @@ def planned_rollouts(campaign: Campaign, rows: Sequence[Row], fits: Sequence[Map
 
 
 def read_rollouts(folder: str | Path) -> dict[str, list[dict[str, Any]]]:
-    """What `compare_rollouts` gave last, by kind; empty lists where nothing was compared."""
+    """The results of the last `compare_rollouts`, by kind; empty lists if nothing was compared."""
     results = _shelf(folder).read()
     return {kind: [result for result in results if result["kind"] == kind] for kind in KINDS}
 
@@ -98,13 +98,13 @@ def load_rollout(folder: str | Path, file: str) -> Record:
 
 
 def _compared(folder: Path, task: RolloutTask) -> dict[str, Any]:
-    """The rollouts of one run, scored and written."""
+    """Make, score and write the rollouts on one run."""
     result = _empty(task)
     try:
         models = {fit["name"]: load_fitted(folder, fit) for fit in task.fits}
         (_open if task.kind == "open" else _closed)(result, task, models, folder)
         result["status"] = "done"
-    except Exception as error:  # the other comparisons go on, and this one says why it did not
+    except Exception as error:  # the other comparisons continue, and this one reports its reason
         result["reason"] = str(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
     _shelf(folder).put(task.name, result)
     return result
@@ -130,7 +130,7 @@ def _open(result: dict[str, Any], task: RolloutTask, models: Mapping[str, Model]
 
 def _closed(result: dict[str, Any], task: RolloutTask, models: Mapping[str, Model], folder: Path) -> None:
     experiment = task.settings.experiment
-    assert isinstance(experiment, EnvExperiment)  # planned_rollouts sees to it
+    assert isinstance(experiment, EnvExperiment)  # ensured by planned_rollouts
     env = make_env(task.settings, task.origin)
     controller = make_campaign_controller(task.settings, env, task.origin)
     env.close()
@@ -161,7 +161,7 @@ def _closed(result: dict[str, Any], task: RolloutTask, models: Mapping[str, Mode
 
 
 def _judged(scales: Mapping[str, float], record: Record, models: Mapping[str, Model]) -> dict[str, float]:
-    """The scales of what models give and of what has a set point, these first."""
+    """The scales of the models' outputs and of channels with a set point, the latter first."""
     given = {name for model in models.values() for name in model.outputs if not isinstance(model, Plant)}
     aimed = [name for name in scales if record.has(set_point_of(name))]
     kept = dict.fromkeys([*aimed, *(name for name in scales if name in given)])
@@ -175,7 +175,7 @@ def _scored(
     scales: Mapping[str, float],
     file: str,
 ) -> dict[str, Any]:
-    """What a rollout's errors come to, by channel: in the channel's unit, in percent of its step, and over time."""
+    """The errors of a rollout by channel: in the channel's unit, in percent of its step, and over time."""
     scores, curves = {}, {}
     for name, error in errors.items():
         kept = error[scored & np.isfinite(error)]
@@ -196,14 +196,14 @@ def _failed(reason: str) -> dict[str, Any]:
 
 
 def _saved(record: Record, name: str, folder: Path, channels: Sequence[str] | None = None) -> str:
-    """Writes channels of a rollout, by default those that a picture may show; the file's name."""
+    """Write channels of a rollout (default: those that a picture may show); returns the file's name."""
     kept = [n for n in record.names if channel(n).kind in ("motion", "input", "command") or n.endswith("_flag")]
     Record(record.dataset[[*(kept if channels is None else channels), "segment"]]).save(folder / FOLDER / name)
     return name
 
 
 def _shelf(folder: str | Path) -> Shelf:
-    """Where results are, and the records that they name."""
+    """The storage of results and of the records that they name."""
 
     def files(result: Mapping[str, Any]) -> list[str]:
         return [result["file"], *(of["file"] for of in result["models"].values() if of["status"] == "done")]
@@ -212,7 +212,7 @@ def _shelf(folder: str | Path) -> Shelf:
 
 
 def _empty(task: RolloutTask) -> dict[str, Any]:
-    """The result of a comparison that has not been made."""
+    """The result for a comparison that has not been made."""
     return {
         "key": task.key,
         "kind": task.kind,

@@ -1,1 +1,1 @@
-"""The campaign file: its settings, what is wrong with them in words, and the runs that it plans."""
+"""The campaign file: its settings, error messages for wrong settings, and the planned runs."""

@@ -1,4 +1,4 @@
-"""Content checked against a model of settings, and what is wrong with it in words that name the key."""
+"""Validation of content against a model of settings, with error messages that name the key."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from auv_gym.param import did_you_mean
 
-# What pydantic calls a form, in the words of this file.
+# Pydantic's types in the words of the campaign file.
 _WANTED = {
     "float_type": "a number",
     "int_type": "a whole number",
@@ -28,16 +28,16 @@ _WANTED = {
 
 
 def checked(model: type[BaseModel], content: Mapping[str, Any], where: str) -> Any:
-    """Content as a model; raises ValueError with one line for each key that is wrong."""
+    """Content as a model; raises ValueError with one line for each wrong key."""
     try:
-        # by way of JSON, where a list may be a tuple and everything else has to be what it is
+        # through JSON, where a list may be a tuple, but no other type is converted
         return model.model_validate_json(json.dumps(content, default=str))
     except ValidationError as error:
         raise ValueError(f"{where}: " + "\n".join(_lines(model, error))) from None
 
 
 def _lines(model: type[BaseModel], error: ValidationError) -> list[str]:
-    """A line for each key that is wrong; where one of several forms would do, all of them in one line."""
+    """One line for each wrong key; alternatives of a union share a line."""
     wanted: dict[str, list[str]] = {}
     came: dict[str, str] = {}
     for problem in error.errors():
@@ -55,7 +55,7 @@ def _lines(model: type[BaseModel], error: ValidationError) -> list[str]:
 
 
 def _in_words(problem: Any, model: type[BaseModel], owner: Any) -> tuple[str, str]:
-    """One problem that pydantic found: what was needed, to follow the key or ` or `, and what came."""
+    """One of pydantic's problems in words: what was needed, to follow the key or ` or `, and what came."""
     kind, context, came = problem["type"], problem.get("ctx", {}), problem["input"]
     if kind == "extra_forbidden":
         known = _keys(owner)
@@ -83,7 +83,7 @@ def _in_words(problem: Any, model: type[BaseModel], owner: Any) -> tuple[str, st
 
 
 def _place(model: Any, loc: Sequence[Any]) -> tuple[str, Any]:
-    """The dotted key of a problem without pydantic's names for the members of a union, and the model that has it."""
+    """The dotted key of a problem, without pydantic's names of union members, and the model that has the key."""
     names: list[str] = []
     owner: Any = model
     here: Any = model
@@ -94,7 +94,7 @@ def _place(model: Any, loc: Sequence[Any]) -> tuple[str, Any]:
             here = tables[name]
             continue
         if len(members) > 1 and not tables and isinstance(name, str) and not _is_mapping(members):
-            continue  # the name of a plain member: tuple[...], literal[...]
+            continue  # the name of a plain union member: tuple[...], literal[...]
         names.append(str(name))
         table = next((member for member in members if _is_table(member)), None)
         if table is not None:
@@ -107,7 +107,7 @@ def _place(model: Any, loc: Sequence[Any]) -> tuple[str, Any]:
 
 
 def _members(annotation: Any) -> list[Any]:
-    """The types that an annotation allows, without None."""
+    """The types that an annotation allows, except None."""
     if get_origin(annotation) is Annotated:
         return _members(get_args(annotation)[0])
     if get_origin(annotation) in (Union, UnionType):

@@ -1,4 +1,4 @@
-"""The runs that a campaign consists of: every point of its grid with every seed, each with an id of its own."""
+"""The runs of a campaign: every point of its grid with every seed, each run with its own id."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from identification.campaign.file.complaints import checked
 from identification.campaign.file.reading import with_value
 from identification.campaign.file.settings import Campaign, Filter, RunSettings
 
-FORMAT = 2  # of the runs: goes up where the same settings come to mean another run
+FORMAT = 2  # of the runs; increased when the same settings come to mean a different run
 _ID_DIGITS = 12
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class PlannedRun:
-    """One run: its settings, and where in the campaign it stands.
+    """One run: its settings, and its place in the campaign.
 
     id: a short hash of the settings and of the content of files that they name.  cell: the grid's values, by key.
-    files: content of the files that workers need, by the names that the settings give them.
+    files: content of the files that workers need, by the names used in the settings.
     """
 
     id: str
@@ -36,7 +36,7 @@ class PlannedRun:
 
 
 class Placed(Protocol):
-    """What a filter can choose: it has a seed and stands at a point of the grid."""
+    """Anything that a filter can select: it has a seed and a point of the grid."""
 
     @property
     def seed(self) -> int: ...
@@ -49,9 +49,9 @@ P = TypeVar("P", bound=Placed)
 
 
 def plan(campaign: Campaign) -> tuple[PlannedRun, ...]:
-    """All runs of a campaign, seed by seed within each point of the grid; raises on settings that cannot be.
+    """All runs of a campaign, seed by seed within each point of the grid; raises for invalid settings.
 
-    Filters of fits and comparisons are tried as well: one that chooses no run is an error.
+    The filters of fits and comparisons are checked as well: a filter that selects no run is an error.
     """
     runs: list[PlannedRun] = []
     contents: dict[str, bytes] = {}
@@ -86,7 +86,7 @@ def plan(campaign: Campaign) -> tuple[PlannedRun, ...]:
 
 
 def selected(runs: Sequence[P], wanted: Filter) -> list[P]:
-    """The runs that a filter chooses: those whose seed and grid values are among what it has; all if it is empty."""
+    """The runs that a filter selects by seed and grid values; all runs if the filter is empty."""
     return [run for run in runs if all(_value(run, key) in _listed(values) for key, values in wanted.items())]
 
 

@@ -1,4 +1,4 @@
-"""A campaign from its file, and the settings that a point of the grid makes of it."""
+"""Reading a campaign from its file, and the settings for a point of the grid."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from identification.campaign.file.settings import Campaign, Head, RunSettings
 
 T = TypeVar("T", bound=BaseModel)
 
-# Tables whose keys are paths with dots in them: `[sensors] depth.noise = 0.1` and "depth.noise" = 0.1 say the same.
+# Tables whose keys are dotted paths: `[sensors] depth.noise = 0.1` and "depth.noise" = 0.1 mean the same.
 _PATHS = (("vehicle", "effects"), ("sensors",), ("experiment", "randomise"), ("grid",))
 _CAMPAIGN_KEYS = ("name", "description", "seeds", "grid", "fit", "compare", "tune")
 
 
 def read_campaign(path: str | Path, seed_offset: int = 0) -> Campaign:
-    """The campaign of a file; raises ValueError with every key that is wrong, what came and what is allowed.
+    """The campaign in a file; raises ValueError that lists every wrong key, what came and what is allowed.
 
-    seed_offset: added to every seed, also where runs are chosen by it.  The runs' own settings are checked with the
-    grid's values in them, by `plan`.
+    seed_offset: added to every seed, including the seeds in filters.  The runs' own settings are checked by `plan`,
+    with the grid's values inserted.
     """
     path = Path(path)
     try:
@@ -64,7 +64,7 @@ def read_campaign(path: str | Path, seed_offset: int = 0) -> Campaign:
 
 
 def _moved(table: T, filters: Sequence[str], seed_offset: int) -> T:
-    """A table whose filters choose runs by their seeds, which begin so much later."""
+    """A table with the seeds in its filters shifted by an offset."""
     changes = {}
     for name in filters:
         wanted = getattr(table, name)
@@ -78,9 +78,9 @@ def _moved(table: T, filters: Sequence[str], seed_offset: int) -> T:
 
 
 def with_value(content: Mapping[str, Any], key: str, value: Any) -> dict[str, Any]:
-    """Content with the value at a dotted key, whose parts are keys of tables and positions in lists; raises if none.
+    """Content with the value at a dotted key, made of keys of tables and positions in lists; raises if there is none.
 
-    Tables on the way that are not there yet are made.
+    Missing tables along the key are created.
     """
     changed = json.loads(json.dumps(content))
     names = key.split(".")
@@ -105,7 +105,7 @@ def with_value(content: Mapping[str, Any], key: str, value: Any) -> dict[str, An
 
 
 def _flatten(content: dict[str, Any], at: Sequence[str]) -> None:
-    """Makes one table, keys with dots, of the tables in the table at a path; in place."""
+    """Flatten the tables within the table at a path into one table with dotted keys, in place."""
     for name in at[:-1]:
         content = content.get(name, {})
         if not isinstance(content, dict):

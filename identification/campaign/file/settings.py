@@ -1,4 +1,4 @@
-"""What a campaign file may say; docs/campaigns.md has every key."""
+"""The settings of a campaign file; docs/campaigns.md documents every key."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ Steps = Annotated[tuple[Pair, ...], Field(min_length=1)]
 
 
 class Table(BaseModel):
-    """A table of a campaign file: nothing is converted, nothing unknown is let through."""
+    """A table of a campaign file: no value is converted, and no unknown key is accepted."""
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class OpenTable(Table):
-    """A table that also holds the settings of what it names; those are checked where that is made."""
+    """A table that also holds the settings of the object that it names; these are checked when the object is made."""
 
     model_config = ConfigDict(extra="allow")
 
     @property
     def settings(self) -> dict[str, Any]:
-        """The settings that are not keys of the table itself."""
+        """The settings other than the table's own keys."""
         return dict(self.model_extra or {})
 
 
 class Vehicle(Table):
-    """A vehicle, its sample time and the effects that it has.
+    """A vehicle, its sample time and its effects.
 
     file: of a vehicle, beside the campaign file.  effects: values by path, with or without the leading `effects.`.
     """
@@ -55,7 +55,7 @@ class Vehicle(Table):
 
 
 class EnvExperiment(Table):
-    """An episode of an environment; what is not given is the environment's own.
+    """An episode of an environment; settings that are not given are the environment's defaults.
 
     targets: for each channel the steps, pairs of time in s and value, or "drawn" for those of the environment.
     """
@@ -76,12 +76,12 @@ class EnvExperiment(Table):
 
     @property
     def env_id(self) -> str:
-        """The name that Gymnasium knows: `auv_gym/Depth-v0` for `Depth`."""
+        """Gymnasium's name of the environment: `auv_gym/Depth-v0` for `Depth`."""
         return self.id if "/" in self.id else f"auv_gym/{self.id}-v0"
 
     @property
     def steps(self) -> dict[str, Steps]:
-        """The targets that are given in steps, by channel."""
+        """The targets that are given as steps, by channel."""
         return {name: given for name, given in self.targets.items() if not isinstance(given, str)}
 
 
@@ -112,7 +112,7 @@ class Controller(OpenTable):
 
 
 class Excitation(OpenTable):
-    """A signal (`experiments.excitation`) with its settings, added at a command or a set point from start_s on."""
+    """A signal (`experiments.excitation`) with its settings, added to a command or a set point from start_s on."""
 
     kind: str
     at: str
@@ -120,7 +120,7 @@ class Excitation(OpenTable):
 
 
 class Envelope(OpenTable):
-    """Limits [low, high] by channel, and settings of `controllers.composed.envelope`, which are not pairs."""
+    """Limits [low, high] by channel, and the settings of `controllers.composed.envelope`, which are not pairs."""
 
     @property
     def limits(self) -> dict[str, tuple[float, float]]:
@@ -143,9 +143,9 @@ class Envelope(OpenTable):
 
 
 class RunSettings(Table):
-    """All that one run depends on.
+    """Everything that one run depends on.
 
-    sensors: of environments, `effects.sampling` by sensor and effect, such as depth.noise.
+    sensors: for environments, `effects.sampling` by sensor and effect, such as depth.noise.
     """
 
     vehicle: Vehicle | None = None
@@ -158,7 +158,7 @@ class RunSettings(Table):
 
     @property
     def files(self) -> tuple[str, ...]:
-        """The files that the vehicle and the controller are made of, beside the campaign file."""
+        """The vehicle and controller files, beside the campaign file."""
         vehicle = self.vehicle.file if self.vehicle is not None else None
         gains = self.controller.gains_file if self.controller is not None else None
         return tuple(name for name in (vehicle, gains) if name is not None)
@@ -180,9 +180,10 @@ Filter = dict[str, Any]  # "seeds" or a key of the grid -> a value or a list of 
 
 
 class Fit(Table):
-    """A model to fit; runs and validate say which runs it is fitted to and tested on, `each` asks for one per value.
+    """A model to fit; runs and validate select the runs for fitting and testing, `each` asks for one model per value.
 
-    runs, validate: see `plan.selected`; without validate the other runs of the same cells.  each: keys of the grid.
+    runs, validate: see `plan.selected`; the default of validate is the other runs of the same cells.  each: keys of the
+    grid.
     """
 
     name: str
@@ -196,7 +197,7 @@ class Fit(Table):
 
 
 class Compare(Table):
-    """Which comparisons to make of the fitted models with the truth, and on which runs."""
+    """The comparisons of the fitted models with the vehicle, and the runs to make them on."""
 
     open_loop: bool = True
     closed_loop: bool = False
@@ -204,7 +205,7 @@ class Compare(Table):
 
 
 class Tune(Table):
-    """Gains for a vehicle that was fitted, judged over the intervals of its parameters; see `controllers.tuning`."""
+    """Gains for a fitted vehicle, assessed over the intervals of its parameters; see `controllers.tuning`."""
 
     fit: str
     kind: Literal["pid", "gpc"] = "pid"
@@ -215,7 +216,7 @@ class Tune(Table):
 
 
 class Head(Table):
-    """The part of a campaign file that is about all runs together."""
+    """The part of a campaign file that applies to all runs."""
 
     name: str
     description: str = ""
@@ -255,9 +256,9 @@ class Head(Table):
 @final
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """A campaign file: what all runs share, `template`, and what is varied over them.
+    """A campaign file: the settings that all runs share, `template`, and what is varied.
 
-    path: of the file; relative paths in it begin at `folder`.  text: the file, as it was.
+    path: of the file; relative paths in it start at `folder`.  text: the original content.
     """
 
     path: Path
@@ -273,5 +274,5 @@ class Campaign:
 
     @property
     def folder(self) -> Path:
-        """Where the campaign file lies."""
+        """The folder of the campaign file."""
         return self.path.resolve().parent

@@ -1,6 +1,6 @@
-"""The page of a campaign: what was run, what was identified, and how well models stand in for the vehicle.
+"""The page of a campaign: what was run, what was identified, and how well the models replace the vehicle.
 
-A module for each section: setup and experiment, models, loops (rollouts), residuals, runs; wording and focus serve all.
+One module per section: setup and experiment, models, loops (rollouts), residuals, runs; wording and focus serve all.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from identification.campaign.rollouts import read_rollouts
 from identification.pages.drawing import require_render
 from identification.pages.page import page, percent
 
-MOST_MODELS = 6  # with parameters
+MOST_MODELS = 6  # shown with their parameters
 GLOSSARY = {
     "free run": "The model alone, driven by the inputs from one starting state, never looking at the outputs again.",
     "held out": "Runs that no fit has used. Errors there show what a model is worth on data that it has not seen.",
@@ -50,7 +50,7 @@ GLOSSARY = {
 
 
 def write_report(campaign: Campaign, folder: str | Path) -> Path:
-    """`report.html` of a campaign's folder, one file that needs no other; fits and rollouts are in it if there are any.
+    """Write `report.html` into a campaign's folder, self-contained, with fits and rollouts if there are any.
 
     Raises ImportError, with the command to run, if the extra `render` is not installed.
     """
@@ -71,7 +71,7 @@ def _content(campaign: Campaign, folder: Path, rows: Sequence[Row]) -> dict[str,
     made = [fit for fit in fits if fit["status"] == "done"]
     told = {kind: loop_content(kind, rollouts[kind], rows, folder, wanted) for kind in ("open", "closed")}
     residuals = residual_content(made)
-    whole = [row for row in usable if row.usable] or usable  # the shortest run says how fine the spectra are
+    whole = [row for row in usable if row.usable] or usable  # the shortest run limits the resolution of the spectra
     spectra = spectra_drawing(whole, records, wanted)
     headings = {
         "experiment": experiment_heading(rows),
@@ -130,7 +130,7 @@ def _cards(
     fits: Sequence[Mapping[str, Any]],
     rollouts: Mapping[str, Sequence[Mapping[str, Any]]],
 ) -> list[tuple[str, str, str]]:
-    """Words, a value and a remark each."""
+    """The key numbers, each with words, a value and a remark."""
     cells = len({grid_cell_label(row.cell) for row in rows})
     where = f"in {cells} cells of the grid" if cells > 1 else "with one setting"
     seconds = sum(record.duration_s for record in records.values())

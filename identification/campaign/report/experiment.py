@@ -1,4 +1,4 @@
-"""The experiment on the page: how set points were followed, signals of runs, spectra."""
+"""The experiment section of the page: set-point tracking, signals of runs, spectra."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from identification.campaign.report.wording import counted, grid_cell_label, per
 from identification.pages.drawn_channels import excited_set_point, inputs_of, outputs_of
 from identification.pages.page import Drawing, Table, drawn
 
-SPECTRAL = 60  # runs in the spectra
+SPECTRAL = 60  # most runs that the spectra use
 
 
 def experiment_heading(rows: Sequence[Row]) -> str:
-    """How many runs there are, and what became of those that did not go as planned."""
+    """The number of runs, and the outcome of those that did not go as planned."""
     bad = [row for row in rows if not row.usable]
     count, told = counted(len(rows), "run"), {"ended": "ended early"}
     if not bad:
@@ -31,7 +31,7 @@ def experiment_heading(rows: Sequence[Row]) -> str:
 
 
 def tracking(rows: Sequence[Row], records: Mapping[str, Record]) -> Table | None:
-    """Per cell of the grid: errors against the set points, work of the inputs, share of time that the guard acted."""
+    """By cell of the grid: errors against set points, activity of the inputs, share of time that the guard acted."""
     if not rows:
         return None
     first = records[rows[0].id]
@@ -61,7 +61,7 @@ def tracking(rows: Sequence[Row], records: Mapping[str, Record]) -> Table | None
 
 
 def experiment_drawings(rows: Sequence[Row], records: Mapping[str, Record], wanted: Sequence[str]) -> list[Drawing]:
-    """All runs over one another where there are many, then a few one by one."""
+    """All runs in one picture if there are many, then a few single runs."""
     if not rows:
         return []
     made = []
@@ -81,13 +81,13 @@ def experiment_drawings(rows: Sequence[Row], records: Mapping[str, Record], want
 
 
 def spectra_heading(rows: Sequence[Row], records: Mapping[str, Record]) -> str:
-    """Up to which frequency spectra go, and of how many runs."""
+    """The highest frequency of the spectra, and the number of runs."""
     dt = records[rows[0].id].sample_interval
     return f"Spectra: power up to {np.pi / dt:.2g} rad/s, of {counted(min(len(rows), SPECTRAL), 'run')}"
 
 
 def spectra_drawing(rows: Sequence[Row], records: Mapping[str, Record], wanted: Sequence[str]) -> Drawing | None:
-    """Spectra of outputs and inputs over the runs; None where nothing moves, or records are too short."""
+    """Spectra of outputs and inputs over the runs; None if nothing moves or the records are too short."""
     of = [records[row.id] for row in rows][:SPECTRAL]
     names = [*outputs_of(of[0], wanted), *inputs_of(of[0])] if of else []
     count = max((len(figures.spectra(of, name)[1]) for name in names), default=0)
@@ -115,7 +115,7 @@ def _signals_caption(row: Row, record: Record) -> str:
 
 
 def _over(records: Sequence[Record], name: str, needed: str, measure: Callable[[Record], float]) -> tuple[str, str]:
-    """Median and range of an amount of a channel, over the records that have what it needs."""
+    """Median and range of a measure of a channel, over the records that have the channel `needed`."""
     return spread([measure(r) for r in records if r.has(name) and r.has(needed)], name)
 
 

@@ -37,11 +37,11 @@ if TYPE_CHECKING:
 
 GUARD_SHADE = "#f6dcc9"
 EXCITATION = "#b07d00"
-MOST_LINES = 40  # runs drawn over one another
+MOST_LINES = 40  # runs drawn in one panel
 
 
 def signals_figure(record: Record, wanted: Sequence[str] = ()) -> Figure:
-    """Outputs with their set points as excited, inputs with the excitation in them, shaded where the guard acted."""
+    """Outputs with their set points as excited, inputs including the excitation, shaded while the guard acted."""
     outputs, inputs, clock = outputs_of(record, wanted), inputs_of(record), Clock(record)
     heights = [1.35] * len(outputs) + [0.95] * len(inputs)
     figure = new_figure(sum(heights) + 0.26 * len(heights) + 0.6)
@@ -73,9 +73,9 @@ def signals_figure(record: Record, wanted: Sequence[str] = ()) -> Figure:
 
 
 def overlay_figure(records: Sequence[Record], wanted: Sequence[str] = (), cells: Sequence[str] = ()) -> Figure:
-    """Each output of all runs over one another, in a colour for each cell of the grid where these are few.
+    """Each output of all runs in one panel, with a colour for each cell of the grid if there are few cells.
 
-    cells: words for the cell of each run.  Runs of one colour have their median where they share times and set points.
+    cells: words for the cell of each run.  Runs of one colour get a median line if they share times and set points.
     """
     picked = [int(i) for i in np.unique(np.linspace(0, len(records) - 1, min(len(records), MOST_LINES)).round())]
     shown = [records[i] for i in picked]
@@ -107,7 +107,7 @@ def overlay_figure(records: Sequence[Record], wanted: Sequence[str] = (), cells:
 
 
 def spectra_figure(records: Sequence[Record], wanted: Sequence[str] = ()) -> Figure:
-    """Welch's power spectra of outputs, inputs and excitation: median over the runs, and their range."""
+    """Welch power spectra of outputs, inputs and excitation: median over the runs, and their range."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     first = records[0]
@@ -140,8 +140,8 @@ def spectra_figure(records: Sequence[Record], wanted: Sequence[str] = ()) -> Fig
 def spectra(records: Sequence[Record], name: str) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies above zero, rad/s, (F,), and the power densities of a channel per rad/s, (runs, F).
 
-    Half-overlapping Hann windows, at least six in the shortest of the runs, trends removed. Runs that lack the
-    channel, or are sampled otherwise than the first, are left out; empty where the channel never moves.
+    Half-overlapping Hann windows, at least six in the shortest run, with trends removed. Runs without the channel, or
+    with a sample interval different from the first run's, are left out; empty if the channel never moves.
     Source: Welch 1967.
     """
     from scipy.signal import welch
@@ -162,7 +162,7 @@ def spectra(records: Sequence[Record], name: str) -> tuple[np.ndarray, np.ndarra
 
 
 def growth_figure(curves: Mapping[str, Mapping[str, Mapping[str, Sequence[float]]]], names: Sequence[str]) -> Figure:
-    """Root mean square error of each model over time, in percent of the step, over all compared runs.
+    """RMS error of each model over time, in percent of the step, over all compared runs.
 
     curves: model -> channel -> {"time_s": (bins,), "percent": (bins,)}.
     """
@@ -186,7 +186,7 @@ def guard_acted(record: Record) -> np.ndarray:
 
 
 def _alike(one: Record, other: Record, name: str) -> bool:
-    """Whether two runs have a channel at the same times, with the same set points."""
+    """Whether a channel of two runs has the same times and the same set points."""
     if not (one.has(name) and other.has(name) and np.array_equal(one.time, other.time)):
         return False
     aims = [r[n] for n in map(set_point_of, outputs_of(one)) if one.has(n) and other.has(n) for r in (one, other)]

@@ -1,4 +1,4 @@
-"""What of a campaign its page shows: a few of the runs, and the outputs that somebody asked about."""
+"""The part of a campaign that its page shows: a few of the runs, and the outputs of interest."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from identification.campaign.index import Row
 from identification.campaign.report.wording import grid_cell_label
 from identification.pages.drawn_channels import outputs_of
 
-DETAILED = 3  # runs shown one by one
+DETAILED = 3  # runs shown individually
 
 
 def representative_runs(rows: Sequence[Row], most: int = DETAILED) -> list[Row]:
-    """A few runs that differ in their settings: the first of each cell of the grid, spread evenly over the cells."""
+    """A few runs with different settings: the first of each cell of the grid, spread evenly over the cells."""
     firsts: dict[str, Row] = {}
     for row in rows:
         firsts.setdefault(grid_cell_label(row.cell), row)
@@ -28,7 +28,7 @@ def representative_runs(rows: Sequence[Row], most: int = DETAILED) -> list[Row]:
 
 
 def outputs_in_question(fits: Sequence[Mapping[str, Any]], records: Sequence[Record]) -> list[str]:
-    """The outputs that have a set point or that a linear model gives; a vehicle has a dozen that nobody asked about."""
+    """The outputs that have a set point or that a linear model predicts; a vehicle has a dozen others."""
     if not records:
         return []
     aimed = [name for name in outputs_of(records[0]) if records[0].has(set_point_of(name))]
@@ -37,7 +37,7 @@ def outputs_in_question(fits: Sequence[Mapping[str, Any]], records: Sequence[Rec
 
 
 def fit_limited_to_outputs(fit: Mapping[str, Any], wanted: Sequence[str]) -> dict[str, Any]:
-    """What is told of a fit, about these outputs alone."""
+    """The result of a fit, limited to these outputs."""
 
     def kept(of: Mapping[str, Any]) -> dict[str, Any]:
         return {name: of[name] for name in wanted if name in of}

@@ -1,4 +1,4 @@
-"""Rollouts on the page: models driven by the vehicle's inputs, and steered in the vehicle's place."""
+"""The rollout sections of the page: models driven by the vehicle's inputs, and steered in the vehicle's place."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from identification.pages.model_figures import rollout_figure
 from identification.pages.page import Drawing, Table, drawn
 
 MOST_MODELS = 6  # lines in one figure
-MOST_LINES = 60  # of the table, beyond which cells of the grid are taken together
+MOST_LINES = 60  # rows of the table; with more, cells of the grid are combined
 MOST_COMPLAINTS = 8
 _WORDS = {"open": "Open loop", "closed": "Closed loop"}
 _TEXTS = {
@@ -46,7 +46,7 @@ _GROWTH = {
 def loop_content(
     kind: str, told: Sequence[Mapping[str, Any]], rows: Sequence[Row], folder: Path, wanted: Sequence[str]
 ) -> dict[str, Any] | None:
-    """What one kind of rollouts shows: heading, words, table, complaints, figures; None where there are none."""
+    """The section for one kind of rollouts: heading, words, table, complaints, figures; None without rollouts."""
     if not told:
         return None
     models = sorted(dict.fromkeys(name for r in told for name in r["models"]), key=lambda name: name == VEHICLE)
@@ -62,7 +62,7 @@ def loop_content(
 
 
 def _heading(kind: str, told: Sequence[Mapping[str, Any]], models: Sequence[str], names: Sequence[str]) -> str:
-    """How far the best model is off; the best is the one with fewest runs cut short, then the smallest errors."""
+    """The error of the best model: the one with the fewest runs cut short, then with the smallest errors."""
     found = []
     for model in models:
         entries = [r["models"][model] for r in told if model in r["models"]]
@@ -84,7 +84,7 @@ def _heading(kind: str, told: Sequence[Mapping[str, Any]], models: Sequence[str]
 
 
 def _table(told: Sequence[Mapping[str, Any]], models: Sequence[str], names: Sequence[str]) -> Table | None:
-    """Errors by model, output and cell of the grid; cells are taken together where they are too many."""
+    """Errors by model, output and cell of the grid; cells are combined if there are too many."""
     cells: Sequence[str] = list(dict.fromkeys(grid_cell_label(r["cell"]) for r in told))
     apart = len(cells) > 1 and len(models) * len(names) * len(cells) <= MOST_LINES
     lines, marked = [], []
@@ -138,7 +138,7 @@ def _growth(kind: str, told: Sequence[Mapping[str, Any]], names: Sequence[str]) 
 def _pictures(
     kind: str, told: Sequence[Mapping[str, Any]], rows: Sequence[Row], folder: Path, names: Sequence[str]
 ) -> list[Drawing]:
-    """Outputs of the vehicle and of the models over one another, in two runs."""
+    """Outputs of the vehicle and of the models in one panel each, for two runs."""
     words = "measured" if kind == "open" else "vehicle"
     by_run = {r["run"]: r for r in told if r["status"] == "done"}
     made = []

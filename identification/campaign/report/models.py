@@ -1,4 +1,4 @@
-"""The fitted models on the page: errors over held-out runs, parameters, poles."""
+"""The fitted models on the page: errors in held-out runs, parameters, poles."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MOST_PARAMETERS = 40  # in one table
 
 
 def models_heading(fits: Sequence[Mapping[str, Any]]) -> str:
-    """Which model fits best, and how many could not be fitted."""
+    """The best model, and the number of models that could not be fitted."""
     made = [fit for fit in fits if fit["status"] == "done"]
     scored = [(fit, median_fit_percents(fit)) for fit in made if fit["scores"]]
     missing = f"; {len(fits) - len(made)} of {counted(len(fits), 'fit')} failed" if len(made) < len(fits) else ""
@@ -41,13 +41,13 @@ def models_heading(fits: Sequence[Mapping[str, Any]]) -> str:
 
 
 def median_fit_percents(fit: Mapping[str, Any]) -> dict[str, float]:
-    """The median of a model's fit in percent over its held-out runs, by output."""
+    """The median over the held-out runs of a model's fit in percent, by output."""
     of = {name: [s[name]["fit_percent"] for s in fit["scores"].values() if name in s] for name in fit["outputs"]}
     return {name: median(values) for name, values in of.items() if values}
 
 
 def score_table(fits: Sequence[Mapping[str, Any]]) -> Table | None:
-    """Model by output: errors over the held-out runs; last, those of the vehicle as it was designed."""
+    """Errors in the held-out runs by model and output; the vehicle as designed comes last."""
     lines = []
     for fit in fits:
         for name in fit["outputs"]:
@@ -83,8 +83,8 @@ def model_content(fit: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _parameter(parameter: Mapping[str, Any]) -> str | tuple[str, str]:
-    """The title of a vehicle's parameter, and its path below it; other models have names alone."""
-    title = parameter.get("title", "")  # fits of earlier versions have none
+    """The title of a vehicle's parameter with its path below; parameters of other models have only names."""
+    title = parameter.get("title", "")  # fits by earlier versions have no titles
     return (title, parameter["name"]) if title else parameter["name"]
 
 

@@ -1,4 +1,4 @@
-"""Residual tests of models on held-out runs, on the page: autocorrelation, and correlation with inputs."""
+"""The residual tests of models in held-out runs on the page: autocorrelation, and correlation with inputs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _CAPTION = (
 
 
 def residual_content(fits: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
-    """Heading, words, table and figures of the residual tests; None where there are none."""
+    """Heading, words, table and figures of the residual tests; None without tests."""
     tests = {fit["name"]: fit["residuals"] for fit in fits if fit["residuals"]}
     if not tests:
         return None

@@ -13,12 +13,12 @@ MOST_ROWS = 300
 
 
 def runs_heading(rows: Sequence[Row]) -> str:
-    """How many runs went as planned."""
+    """The number of runs that went as planned."""
     return f"All runs: {sum(row.usable for row in rows)} of {len(rows)} went as planned"
 
 
 def runs_table(rows: Sequence[Row], records: Mapping[str, Record]) -> Table:
-    """Each run with status and reason; marked where it did not go as planned."""
+    """Each run with status and reason; runs that did not go as planned are marked."""
     lines = []
     for row in rows[:MOST_ROWS]:
         record = records.get(row.id)

@@ -1,4 +1,4 @@
-"""What was run, in words: the settings that all runs share, and what the grid varies."""
+"""The setup of a campaign in words: the settings that all runs share, and what the grid varies."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from identification.campaign.report.wording import counted, setting_text
 from identification.campaign.running.staging import make_campaign_vehicle
 from identification.pages.page import amount, span
 
-_STEPS = 8  # of a set point
-_OF_CHANNEL = "channel's"  # unit of a sensor's error, which is that of what it measures
+_STEPS = 8  # of a set point that are listed
+_OF_CHANNEL = "channel's"  # unit of a sensor error in the unit of its channel
 
 
 def setup(
     settings: RunSettings, folder: Path, rows: Sequence[Row], records: Mapping[str, Record]
 ) -> list[tuple[str, str]]:
-    """Pairs of a word and a text; what the grid varies stands last.
+    """Pairs of a name and a text; what the grid varies comes last.
 
-    settings: of any run.  folder: that files in them are relative to.
+    settings: of any run.  folder: that file names in them are relative to.
     """
     grid = dict.fromkeys(key for row in rows for key in row.cell)
     plant = None
     if settings.vehicle is not None:
-        with suppress(ValueError):  # its file may have gone since; the page goes without units then
+        with suppress(ValueError):  # the file may no longer exist; the page then has no units
             plant = make_campaign_vehicle(settings.vehicle, folder, effects=False)
     facts = [*_vehicle(settings, plant, grid), *_experiment(settings), *_steering(settings), *_sensors(settings, plant)]
     facts = [(word, text) for key, word, text in facts if text and key not in grid]
@@ -95,7 +95,7 @@ def _sensors(settings: RunSettings, plant: Plant | None) -> Iterator[tuple[str, 
 
 
 def _setting(key: str, value: Any, unit: str) -> str:
-    """A setting in words; unit: of an amplitude."""
+    """A setting in words; unit: the amplitude's unit."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         if key.endswith("_s"):
             return f"{key.removesuffix('_s')} {value:g} s"
@@ -110,7 +110,7 @@ def _of_parameter(plant: Plant | None, path: str, value: float) -> str:
 
 
 def _unit(plant: Plant | None, path: str) -> str:
-    """The unit of a vehicle's parameter; nothing where it is not known."""
+    """The unit of a vehicle's parameter; empty if unknown."""
     with suppress(ValueError):
         return spec_at(plant, path).unit if plant is not None else ""
     return ""

@@ -1,4 +1,4 @@
-"""How runs, settings and amounts over several runs read on the page of a campaign."""
+"""Wording of runs, settings and amounts on the page of a campaign."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from identification.pages.page import number, percent
 
 
 def grid_cell_label(cell: Mapping[str, Any]) -> str:
-    """The values of the grid in a run, keys by their last two parts: `rudder.offset = 0.05`; empty without a grid."""
+    """The grid's values of a run with shortened keys (last two parts): `rudder.offset = 0.05`; empty without a grid."""
     return ", ".join(f"{'.'.join(key.split('.')[-2:])} = {setting_text(value)}" for key, value in cell.items())
 
 
 def setting_text(value: Any) -> str:
-    """A value of a setting; a list in brackets."""
+    """A setting's value as text; a list in brackets."""
     if isinstance(value, list | tuple):
         return f"({', '.join(map(setting_text, value))})"
     return f"{value:g}".replace("-", "−") if isinstance(value, float) else str(value)
 
 
 def run_of(row: Row) -> str:
-    """Words for a run: its id, cell and seed."""
+    """A run in words: its id, cell and seed."""
     return ", ".join(part for part in (f"Run {row.id}", grid_cell_label(row.cell), f"seed {row.seed}") if part)
 
 
@@ -35,13 +35,13 @@ def counted(count: int, word: str) -> str:
 
 
 def duration(seconds: float) -> str:
-    """A length of time in the unit that suits it."""
+    """A duration in a suitable unit."""
     size, unit = (3600.0, "h") if seconds > 2.0 * 3600.0 else (60.0, "min") if seconds > 300.0 else (1.0, "s")
     return f"{number(seconds / size)} {unit}"
 
 
 def median(values: Iterable[float | None]) -> float:
-    """The median of those that are numbers."""
+    """The median of the values that are numbers."""
     known = [value for value in values if value is not None]
     return float(np.median(known)) if known else float("nan")
 
@@ -54,7 +54,7 @@ def spread(values: Sequence[float], name: str) -> tuple[str, str]:
 
 
 def percents(given: Sequence[float | None]) -> tuple[str, str]:
-    """The same of percentages."""
+    """Median and range of percentages."""
     return _summed([value for value in given if value is not None], percent)
 
 
@@ -64,7 +64,7 @@ def table_has_ranges(rows: Sequence[Sequence[str | tuple[str, str]]]) -> bool:
 
 
 def left_out(count: int, words: str) -> str:
-    """Words for what a table does not show; nothing where it shows all."""
+    """A remark on what a table leaves out; empty if it shows everything."""
     return f"{count} {words}" if count > 0 else ""
 
 

@@ -1,1 +1,1 @@
-"""The runs of a campaign, performed here or by workers."""
+"""Execution of a campaign's runs, in this process or by workers."""

@@ -1,4 +1,4 @@
-"""All runs of a campaign: in parallel on this machine or on a cluster, resumed where they were left."""
+"""Execution of all runs of a campaign, in parallel on this machine or on a cluster; interrupted campaigns resume."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from identification.campaign.running.workers import dask_run_outcomes, local_run
 
 CAMPAIGN = "campaign.toml"
 _RESERVE = ".reserve"
-_ROW_SIZE = 1024  # bytes that a row of the index surely fits into
-_INDEX_EVERY = 2.0  # s; run files are the truth, so that an index that lags costs nothing
+_ROW_SIZE = 1024  # bytes; enough for a row of the index
+_INDEX_EVERY = 2.0  # s; the index may lag behind, since the run files count
 
 Progress = Callable[[int, int, int, str], None]
 
@@ -38,10 +38,10 @@ Progress = Callable[[int, int, int, str], None]
 @final
 @dataclass(frozen=True)
 class Conducted:
-    """What a campaign's folder holds now.
+    """The present content of a campaign's folder.
 
-    rows: of all runs.  kept: how many of them were there before.  strangers: run files of a campaign file that has
-    changed since.  trouble: what could not be written besides.
+    rows: of all runs.  kept: how many of them existed before.  strangers: run files of an earlier version of the
+    campaign file.  trouble: other things that could not be written.
     """
 
     rows: tuple[Row, ...]
@@ -63,12 +63,12 @@ def conduct(
     scheduler: str | None = None,
     progress: Progress = lambda done, total, failed, text: None,
 ) -> Conducted:
-    """Performs the runs of a campaign that its folder does not hold yet, and writes a file for each, and the index.
+    """Perform the runs of a campaign that are missing in its folder; write a file for each run, and the index.
 
-    Nothing else writes into the folder than this process, wherever the runs are performed; a file is there whole or
-    not at all. So a campaign that was stopped in any way goes on when it is called again.  jobs: worker processes.
-    scheduler: address of a Dask scheduler, in place of workers here.  progress: done, total, failed, text.
-    Raises ValueError on settings that cannot be, before any run, and KeyboardInterrupt once the index is written.
+    Only this process writes into the folder, wherever the runs are performed, and it never leaves a partial file. An
+    interrupted campaign therefore continues when it is called again.  jobs: worker processes.  scheduler: address of a
+    Dask scheduler to use instead of local workers.  progress: done, total, failed, text.
+    Raises ValueError for invalid settings, before any run, and KeyboardInterrupt once the index is written.
     """
     if jobs < 1:
         raise ValueError(f"A campaign needs at least one job, got {jobs}.")
@@ -81,7 +81,7 @@ def conduct(
         kept = sum(row.finished for row in rows.values())
         todo = [run for run in runs if not rows[run.id].finished]
         _check(todo, campaign, lambda k, n: progress(kept, len(runs), 0, f"checking {k} of {n}"))
-        # room for the index, which is to say so when the disk is full
+        # reserve space for the index, which must be able to report a full disk
         with replacing(out / _RESERVE) as reserve:
             reserve.write_bytes(b"\0" * (_ROW_SIZE * (len(runs) + 8)))
         trouble, last = "", -_INDEX_EVERY
@@ -109,7 +109,7 @@ def _outcomes(todo: Sequence[PlannedRun], folder: Path, jobs: int, scheduler: st
 
 
 def _open(out: Path, campaign: Campaign) -> None:
-    """Makes the folder, without what a killed process left half written, and keeps the campaign file there."""
+    """Make the folder, remove partial files of a killed process, and store the campaign file."""
     try:
         (out / RUNS).mkdir(parents=True, exist_ok=True)
         for part in (*out.glob(".*.part"), *(out / RUNS).glob(".*.part")):
@@ -121,7 +121,7 @@ def _open(out: Path, campaign: Campaign) -> None:
 
 
 def _check(todo: Sequence[PlannedRun], campaign: Campaign, tell: Callable[[int, int], None]) -> None:
-    """Tries one run of each point of the grid, which also compiles what the workers then find in the cache."""
+    """Try one run of each point of the grid; this also fills the compilation cache for the workers."""
     firsts = list({run.settings.model_copy(update={"seed": 0}).model_dump_json(): run for run in todo}.values())
     for number, run in enumerate(firsts):
         tell(number + 1, len(firsts))
@@ -133,7 +133,7 @@ def _check(todo: Sequence[PlannedRun], campaign: Campaign, tell: Callable[[int, 
 
 
 def _written(outcome: Outcome, out: Path) -> Outcome:
-    """The outcome, its content put into the run's file; failed, with the reason, where that cannot be written."""
+    """Write the run's file; the outcome is failed, with the reason, if that is impossible."""
     if not outcome.content:
         return outcome
     try:
@@ -154,7 +154,7 @@ def _try_index(rows: dict[str, Row], out: Path) -> str:
 
 @contextmanager
 def _alone(out: Path) -> Generator[None]:
-    """Raises ValueError where another process conducts a campaign in the folder; a killed one leaves it free."""
+    """Raise ValueError if another process conducts a campaign in the folder; a killed process releases the lock."""
     try:
         import fcntl
     except ImportError:  # Windows
@@ -174,7 +174,7 @@ def _alone(out: Path) -> Generator[None]:
 
 @contextmanager
 def _interruptible() -> Generator[None]:
-    """Makes a polite kill (SIGTERM) what Ctrl-C is, while the campaign runs."""
+    """Treat SIGTERM like Ctrl-C while the campaign runs."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

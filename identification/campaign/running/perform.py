@@ -1,4 +1,4 @@
-"""One run of a campaign, from its settings to the content of its file; nothing is drawn but from the run's seed."""
+"""One run of a campaign, from its settings to the content of its file; its random numbers depend only on its seed."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from identification.campaign.running.staging import make_campaign_controller, ma
 from identification.experiments.driving import drive, versions_used
 
 Status = Literal["done", "ended", "diverged", "failed", "pending"]
-_SUCCESSES = ("", "arrived")  # what the reasons of episodes begin with that went as planned
+_SUCCESSES = ("", "arrived")  # beginnings of the reasons of episodes that went as planned
 
 
 @final
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a run.
+    """The outcome of a run.
 
-    status: done; ended, by the vehicle leaving its envelope; diverged; failed, by an error, without a record.
+    status: done; ended, if the vehicle left its envelope; diverged; failed, by an error, without a record.
     content: of the run's NetCDF file.  sha256: of the record's numbers.  duration_s, samples: of the record.
-    seconds: that it took.
+    seconds: computing time.
     """
 
     id: str
@@ -47,9 +47,9 @@ class Outcome:
 
 
 def perform(run: PlannedRun, folder: Path | None = None) -> Outcome:
-    """The outcome of a run; errors are outcomes too.
+    """Perform a run; errors are outcomes, too.
 
-    folder: where a log lies.  Of other files the run has the content, so that it can be performed on any machine.
+    folder: of a log.  The run carries the content of all other files, so that it can be performed on any machine.
     """
     begin = time.perf_counter()
     try:
@@ -71,14 +71,14 @@ def perform(run: PlannedRun, folder: Path | None = None) -> Outcome:
             file = Path(aside) / "run.nc"
             Record(record.dataset.assign_attrs(attrs)).save(file)
             content = file.read_bytes()
-    except Exception as error:  # a campaign goes on without this run, and says why
+    except Exception as error:  # the campaign continues without this run and reports the reason
         status = "diverged" if isinstance(error, Diverged) else "failed"
         return Outcome(run.id, status, _in_words(error), seconds=time.perf_counter() - begin)
     return Outcome(run.id, status, reason, content, digest, len(record), record.duration_s, seconds)
 
 
 def content_hash(record: Record) -> str:
-    """A hash of a record's numbers, times, segments and channel names; what is said about them is left out."""
+    """A hash of a record's numbers, times, segments and channel names, but not of its attributes."""
     digest = hashlib.sha256()
     columns: Mapping[str, np.ndarray] = {
         "time_s": record.time,
@@ -91,7 +91,7 @@ def content_hash(record: Record) -> str:
 
 
 def _with_files(run: PlannedRun, aside: Path) -> RunSettings:
-    """The settings with the files that they name put into a folder, each by a name of its own there."""
+    """The settings, with the files that they name written into a folder under unique names."""
     moved: dict[str, str] = {}
     for number, (name, content) in enumerate(run.files.items()):
         moved[name] = f"{number}-{Path(name).name}"
@@ -106,7 +106,7 @@ def _with_files(run: PlannedRun, aside: Path) -> RunSettings:
 
 
 def _record(settings: RunSettings, folder: Path, aside: Path) -> tuple[Record, str]:
-    """The record of a run with the truth beside it, and why it was cut short."""
+    """The record of a run including the true states, and why it was cut short."""
     experiment = settings.experiment
     if isinstance(experiment, EnvExperiment):
         env = make_env(settings, aside)
@@ -127,20 +127,20 @@ def _record(settings: RunSettings, folder: Path, aside: Path) -> tuple[Record, s
         return read_record(log, experiment.mapping, max_gap_s=experiment.max_gap_s, long_runs=runs), ""
     from identification.experiments.missions import run_mission
 
-    assert settings.vehicle is not None  # RunSettings sees to it
+    assert settings.vehicle is not None  # ensured by RunSettings
     rng = np.random.default_rng(settings.seed)
     return run_mission(make_campaign_vehicle(settings.vehicle, aside), rng, **experiment.settings), ""
 
 
 def run_status(reason: str) -> Status:
-    """What the reason of an episode's end makes of a run."""
+    """The status of a run, from the reason for the end of its episode."""
     if any(reason.startswith(begin) if begin else not reason for begin in _SUCCESSES):
         return "done"
     return "diverged" if reason.startswith("diverged") else "ended"
 
 
 def _in_words(error: Exception) -> str:
-    """The error in one line, with the place for one that is not about settings or data."""
+    """The error in one line; an error that is not about settings or data also says where it was raised."""
     text = " ".join(str(error).split()) or type(error).__name__
     if isinstance(error, ValueError | Diverged):
         return text

@@ -1,4 +1,4 @@
-"""Work shared among processes, of this machine or of a Dask cluster; one that dies costs its own task only."""
+"""Work distributed over processes of this machine or a Dask cluster; one that dies loses only its own task."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from joblib.externals.loky.process_executor import BrokenProcessPool
 T = TypeVar("T")
 R = TypeVar("R")
 
-_ANSWER = 10.0  # s, within which a scheduler answers
+_ANSWER = 10.0  # s, timeout for a scheduler's answer
 
 
 class Spread(Protocol):
     """Gives tasks to workers.
 
-    Yields number and result of each task as they come: None where its worker died (with Dask, more often than its
-    setting allowed-failures allows), the error where it ended in one.
+    Yields number and result of each task as they finish: None if its worker died (with Dask, more often than its
+    setting allowed-failures allows), or the error that it raised.
     """
 
     def __call__(self, work: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[int, R | Exception | None]]: ...
 
 
 def in_parallel(work: Callable[[T], R], tasks: Sequence[T], jobs: int) -> Iterator[tuple[int, R | None]]:
-    """Number and result of each task as they come; None for one whose process died, also when it had one alone.
+    """Number and result of each task as they finish; None if its process died, even when it ran the task alone.
 
-    jobs: processes with one thread each; with 1 everything happens in this process.  Where a process dies, the tasks
-    that were under way are done again one by one, then the others go on.  Errors of `work` are raised.
+    jobs: processes with one thread each; with 1, everything runs in this process.  If a process dies, the tasks under
+    way are repeated one by one, then the others continue.  Errors of `work` are raised.
     """
     if jobs == 1:
         yield from enumerate(map(work, tasks))
@@ -54,20 +54,20 @@ def in_parallel(work: Callable[[T], R], tasks: Sequence[T], jobs: int) -> Iterat
                 else:
                     suspects = under_way
             suspects = [number for number in suspects if number in left]
-    except BaseException:  # interrupted: nobody waits for what the others are doing
+    except BaseException:  # interrupted: nobody waits for the remaining results
         get_reusable_executor().shutdown(wait=False, kill_workers=True)
         raise
 
 
 def _spread(work: Callable[[T], R], tasks: dict[int, T], jobs: int, under_way: list[int]) -> Iterator[tuple[int, R]]:
-    """Number and result of each task as they come from worker processes; under_way has those handed to them."""
+    """Number and result of each task as worker processes finish them; under_way holds the tasks handed to them."""
 
     def handed_out() -> Iterator[Any]:
         for number, task in tasks.items():
             under_way.append(number)
             yield joblib.delayed(_in_worker)(work, number, task)
 
-    # one at a time, so that of a process that dies it is known what it was at
+    # one at a time, so that the task of a process that dies is known
     settings: Any = {"n_jobs": jobs, "batch_size": 1, "return_as": "generator_unordered", "max_nbytes": None}
     with joblib.parallel_config("loky", inner_max_num_threads=1):
         results: Any = joblib.Parallel(**settings)(handed_out())
@@ -78,16 +78,16 @@ def _spread(work: Callable[[T], R], tasks: dict[int, T], jobs: int, under_way: l
 
 def _in_worker(work: Callable[[T], R], number: int, task: T) -> tuple[int, R]:
     if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the parent ends the others
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the parent stops the others
     return number, work(task)
 
 
 @contextmanager
 def on_cluster(scheduler: str) -> Generator[Spread]:
-    """What gives tasks to the workers of a Dask scheduler, as `in_parallel` to processes; errors are results here.
+    """Yield a function that gives tasks to a Dask scheduler's workers like `in_parallel`; errors are results here.
 
-    Workers need this package in the same version, and no access to files here.  scheduler: its address, such as
-    tcp://host:8786.  Raises ValueError where none answers there, ImportError without the extra `distributed`.
+    Workers need the same version of this package, but no access to local files.  scheduler: its address, such as
+    tcp://host:8786.  Raises ValueError if none answers there, ImportError without the extra `distributed`.
     """
     try:
         from distributed import Client, as_completed

@@ -1,4 +1,4 @@
-"""Results of a campaign's tasks, a file each: what an earlier call has found for the same task is not found again."""
+"""Stored results of a campaign's tasks, one file each, so that no task is repeated."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Progress = Callable[[float, str], Any]
 
 
 class Task(Protocol):
-    """What a result is of: name, of its file, and a hash of all that it depends on."""
+    """The task of a result: the name of its file, and a hash of everything that the result depends on."""
 
     @property
     def name(self) -> str: ...
@@ -29,9 +29,9 @@ T = TypeVar("T", bound=Task)
 
 @dataclass(frozen=True)
 class Shelf:
-    """A folder of results, `NAME.json` each, with the `key` of the task, a `status` and further files beside them.
+    """A folder of results, `NAME.json` each, with the `key` of the task, a `status`, and further files beside them.
 
-    names: file with the names of the tasks that were asked for last.  files: which further files a result names.
+    names: file with the names of the last requested tasks.  files: the further files that a result names.
     """
 
     folder: Path
@@ -46,9 +46,9 @@ class Shelf:
         jobs: int,
         progress: Progress | None,
     ) -> list[dict[str, Any]]:
-        """The result of each task: one that was kept, or what `work` gives, which it puts here itself.
+        """The result of each task: the stored one, or what `work` returns; `work` stores it itself.
 
-        empty: what is kept, with a reason, of a task whose process has died.
+        empty: makes the result, stored with a reason, for a task whose process has died.
         """
         self.folder.mkdir(exist_ok=True)
         results = {task.name: kept for task in tasks if (kept := self.kept(task)) is not None}
@@ -65,7 +65,7 @@ class Shelf:
         return [results[task.name] for task in tasks]
 
     def kept(self, task: Task) -> dict[str, Any] | None:
-        """What an earlier call found for this very task, if it is done and its further files are still there."""
+        """The stored result for exactly this task, if it is done and its further files still exist."""
         try:
             result = json.loads(self._file_of(task.name).read_text(encoding="utf-8"))
             there = all((self.folder / file).is_file() for file in self.files(result))
@@ -74,11 +74,11 @@ class Shelf:
             return None
 
     def put(self, name: str, result: Mapping[str, Any]) -> None:
-        """Keep the result of a task."""
+        """Store the result of a task."""
         write_json(self._file_of(name), result)
 
     def read(self) -> list[dict[str, Any]]:
-        """The results of the tasks that were asked for last; empty where there were none."""
+        """The results of the last requested tasks; empty if there were none."""
         if not (self.folder / self.names).is_file():
             return []
         names = json.loads((self.folder / self.names).read_text(encoding="utf-8"))

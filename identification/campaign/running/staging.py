@@ -1,4 +1,4 @@
-"""The environment and the controller that the settings of a run describe; ValueError where they do not fit."""
+"""The environment and the controller described by a run's settings; raises ValueError if they do not match."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from identification.campaign.file.settings import (
 from identification.experiments.driving import checked_steps, commanded
 from identification.experiments.excitation import SIGNALS, make_signal
 
-_OPTIONS = {  # of the file, by those of the environments
+_OPTIONS = {  # keys of the file, by the environments' option names
     "duration": "duration_s",
     "actions": "actions",
     "target": "target",
@@ -43,18 +43,18 @@ _OPTIONS = {  # of the file, by those of the environments
 }
 
 
-# Excitations that are no signals but answer the vehicle, with what their settings are by default.
+# Excitations that respond to the vehicle instead of being fixed signals, with the defaults of their settings.
 RELAYS: Mapping[str, Mapping[str, Any]] = {"relay": {}, "zigzag": {"measured": "heading_rad"}}
 
 
 def make_campaign_vehicle(vehicle: Vehicle, folder: Path, *, effects: bool = True) -> Plant:
-    """The plant of a campaign's vehicle, with its effects or without; files lie in `folder`."""
+    """The plant of a campaign's vehicle, with or without its effects; files are in `folder`."""
     plant = load_vehicle(vehicle.preset or folder / str(vehicle.file), dt=vehicle.dt_s)
     return replace_at(plant, vehicle.effects) if effects else plant
 
 
 def make_env(settings: RunSettings, folder: Path, *, model: Model | None = None) -> gymnasium.Env:
-    """The environment of a run; with a model in the place of the vehicle, the vehicle's effects are left out."""
+    """The environment of a run; if a model replaces the vehicle, the vehicle's effects are left out."""
     import auv_gym.envs  # noqa: F401  # registers them
 
     experiment = _env_experiment(settings)
@@ -65,7 +65,7 @@ def make_env(settings: RunSettings, folder: Path, *, model: Model | None = None)
         options["model"] = model
         options.pop("randomise", None)
     if settings.vehicle is not None:
-        # without effects: scales, limits and gains are those of the vehicle as it was designed
+        # without effects: scales, limits and gains are those of the vehicle as designed
         options["vehicle"] = make_campaign_vehicle(settings.vehicle, folder, effects=False)
         if model is None:
             sampling = {**settings.vehicle.effects, **sampling}
@@ -75,13 +75,13 @@ def make_env(settings: RunSettings, folder: Path, *, model: Model | None = None)
         return gymnasium.make(experiment.env_id, **options)
     except gymnasium.error.UnregisteredEnv as error:
         raise ValueError(f"experiment.id: {error}. See docs/environments.md for those of this package.") from None
-    except TypeError as error:  # an option that only other environments have
+    except TypeError as error:  # an option of other environments
         raise ValueError(f"{experiment.env_id} does not take all of {', '.join(options)}: {error}.") from None
 
 
 def make_campaign_controller(settings: RunSettings, env: gymnasium.Env, folder: Path = Path()) -> Controller:
-    """The autopilot of a run, with the excitation that is added to it and the envelope around it; see `make_env`."""
-    assert settings.controller is not None  # RunSettings sees to it
+    """The autopilot of a run, with its excitation added and its envelope around it; see `make_env`."""
+    assert settings.controller is not None  # ensured by RunSettings
     inner: Any = env.unwrapped
     given = settings.controller.settings
     if settings.controller.gains_file is not None:
@@ -97,7 +97,7 @@ def make_campaign_controller(settings: RunSettings, env: gymnasium.Env, folder: 
             if given.kind in RELAYS:
                 controller = _relayed(controller, number, given, info["command"], commanded(env))
         signals = _signals(settings, env, (*info["target"], *added_by(plain)))
-        # a command that no target asks for moves about where the vehicle starts with it
+        # a command without a target moves about its initial value
         at_rest = {name: info["command"][name] for name in signals if name in commanded(env)}
         controller = Excited(controller, signals, inner.plant.dt, at_rest) if signals else controller
     if settings.envelope is not None:
@@ -106,7 +106,7 @@ def make_campaign_controller(settings: RunSettings, env: gymnasium.Env, folder: 
 
 
 def check_campaign_run(settings: RunSettings, folder: Path) -> None:
-    """Raises ValueError if a run cannot be performed; compiles what it will need on the way, by two of its samples."""
+    """Raise ValueError if a run cannot be performed; simulates two samples, which also compiles what the run needs."""
     if isinstance(settings.experiment, EnvExperiment):
         for name, steps in settings.experiment.steps.items():
             checked_steps(name, steps)
@@ -128,7 +128,7 @@ def check_campaign_run(settings: RunSettings, folder: Path) -> None:
     elif isinstance(settings.experiment, MissionExperiment):
         from identification.experiments.missions import check_mission
 
-        assert settings.vehicle is not None  # RunSettings sees to it
+        assert settings.vehicle is not None  # ensured by RunSettings
         check_mission(make_campaign_vehicle(settings.vehicle, folder), settings.experiment.settings)
     elif settings.vehicle is not None:
         make_campaign_vehicle(settings.vehicle, folder)
@@ -141,7 +141,7 @@ def _env_experiment(settings: RunSettings) -> EnvExperiment:
 
 
 def _signals(settings: RunSettings, env: gymnasium.Env, target: Sequence[str]) -> dict[str, np.ndarray]:
-    """The signals added to a controller, by channel; those at one channel sum up."""
+    """The signals added to a controller, by channel; several signals at one channel are summed."""
     inner: Any = env.unwrapped
     experiment = _env_experiment(settings)
     if experiment.duration_s is None:
@@ -175,7 +175,7 @@ def _signals(settings: RunSettings, env: gymnasium.Env, target: Sequence[str]) -
 def _relayed(
     controller: Controller, number: int, given: Excitation, rest: Mapping[str, float], commands: Sequence[str]
 ) -> Controller:
-    """The controller with a command that switches as the vehicle answers, about where it stands at rest."""
+    """The controller with a command that switches in response to the vehicle, about its value at rest."""
     settings = {**RELAYS[given.kind], **given.settings}
     if given.at not in commands or given.start_s:
         raise ValueError(
@@ -191,7 +191,7 @@ def _relayed(
 
 
 def _enveloped(controller: Controller, guard: Controller, envelope: Envelope) -> Controller:
-    """The controller with a guard of its own kind around it."""
+    """The controller within an envelope, with the guard that takes over at its limits."""
     for name in envelope.limits:
         if name not in CHANNELS:
             raise ValueError(f"envelope needs readings by channel, got {name!r}.")

@@ -14,15 +14,15 @@ _LOST = "its worker process died again and again: out of memory, or killed"
 
 
 def local_run_outcomes(runs: Sequence[PlannedRun], folder: Path, jobs: int) -> Iterator[Outcome]:
-    """The outcomes of runs as they come, performed by `jobs` processes, by this one for a single job."""
+    """The outcomes of runs as they finish, performed by `jobs` processes, or by this process for a single job."""
     for number, outcome in in_parallel(partial(perform, folder=folder), runs, jobs):
         yield Outcome(runs[number].id, "failed", _LOST) if outcome is None else outcome
 
 
 def dask_run_outcomes(scheduler: str, runs: Sequence[PlannedRun], folder: Path) -> Iterator[Outcome]:
-    """The outcomes of runs as they come, performed by the workers of a Dask scheduler; logs are read here.
+    """The outcomes of runs as they finish, performed by the workers of a Dask scheduler; logs are read here.
 
-    Outcomes carry the content of their files, so workers need no access to the campaign's folder.
+    Outcomes contain their files, so workers need no access to the campaign's folder.
     """
     far = [run for run in runs if run.settings.experiment.kind != "log"]
     with on_cluster(scheduler) as spread:
