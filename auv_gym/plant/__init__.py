@@ -1,4 +1,4 @@
-"""A vehicle that runs: parameters and effects, integrated in time, as a `Model`; and the files it is read from."""
+"""The plant: a vehicle's parameters and effects, integrated in time, as a `Model`; and vehicle files."""
 
 from auv_gym.plant.charts import Chart
 from auv_gym.plant.plant import Correction, Plant, Runs, check_deviation, without_effects

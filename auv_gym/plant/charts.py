@@ -1,10 +1,10 @@
-"""Attitudes along a record, from which those of a run are seen where Euler angles would break down.
+"""Reference attitudes along a record, for fits in which Euler angles would break down.
 
-Near the vertical, heading and roll change without bound while the vehicle hardly turns, and jump by half a turn.  There
-a fit sees attitudes as rotation vectors from those that the record holds (`auv_gym.physics.rotations`): at each row the
-three states are small turns about the bow, the starboard and the downward axis, the three outputs about the level axes
-ahead and to starboard and the vertical, since inclinometers and compasses err about these, and the reading is zero.
-All else about a fit stays as it is.
+Near the vertical, heading and roll change without bound while the vehicle hardly turns, and jump by half a turn.  A fit
+then uses rotation vectors relative to the attitudes of the record (`auv_gym.physics.rotations`).  At each row, the
+three states are small turns about the bow, starboard and downward axes.  The three outputs are turns about the level
+axes ahead and to starboard and about the vertical, since the errors of inclinometers and compasses are about these; the
+reading is zero.  Everything else in a fit stays the same.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from auv_gym.vehicles import Family
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """What attitudes are seen from at each row of a record; `Chart.off` leaves them Euler angles.
+    """Reference attitudes at each row of a record; `Chart.off` keeps Euler angles.
 
     references: (n, 4), quaternions.  turned: (n, 3), rad, the sum of the measured turns about the body axes since the
-    segment began.  states: where the attitude begins among the plant's states.  All empty where it is off.
+    segment began.  states: index of the attitude among the plant's states.  All empty if the chart is off.
     """
 
     references: np.ndarray
@@ -39,9 +39,9 @@ class Chart:
 
     @classmethod
     def along(cls, family: Family, record: Record, far: bool | None = None) -> Chart:
-        """The chart for a fit of a vehicle to a record: on where all of its attitude was measured and turns far.
+        """The chart for a fit of a vehicle to a record; it is on if the attitude was fully measured and turns far.
 
-        far: whether it does; by default as the whole record says, so that all windows of it share one chart.
+        far: whether it does; by default decided from the whole record, so that all of its windows share one chart.
         Between readings, references follow the shortest turn.
         """
         known = all(name in family.states and name in family.outputs and record.has(name) for name in ANGLES)
@@ -64,19 +64,19 @@ class Chart:
         return len(self.references) > 0
 
     def readings(self, names: Sequence[str], values: np.ndarray) -> np.ndarray:
-        """Measured values, (rows, C), as a run in the chart shall meet them; attitudes are zero where all was read."""
+        """Measured values, (rows, C), for comparison with a run in the chart; fully measured attitudes are zero."""
         return self._replaced(names, values, np.zeros((len(values), 3))) if self.on else values
 
     def signals(self, names: Sequence[str], values: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Measured values, (rows, C), as signals that move with the vehicle; attitudes as the sum of their turns."""
+        """Measured values, (rows, C), as signals that vary with the motion; attitudes as the sum of their turns."""
         return self._replaced(names, values, self.turned[rows]) if self.on else values
 
     def seen(self, starts: np.ndarray, rows: Sequence[int] | np.ndarray) -> np.ndarray:
-        """States, (W, n_states), with Euler angles, as the chart of these rows, (W,), has them."""
+        """States, (W, n_states), converted from Euler angles to the chart of these rows, (W,)."""
         return self._each(into_chart, starts, rows)
 
     def kept(self, starts: np.ndarray, rows: Sequence[int] | np.ndarray) -> np.ndarray:
-        """States of the chart of these rows, (W,), with Euler angles, as the plant takes them, (W, n_states)."""
+        """States, (W, n_states), converted from the chart of these rows, (W,), to the plant's Euler angles."""
         return self._each(out_of_chart, starts, rows)
 
     def _each(self, change: Any, starts: np.ndarray, rows: Sequence[int] | np.ndarray) -> np.ndarray:

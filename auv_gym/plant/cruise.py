@@ -1,7 +1,7 @@
-"""Steady straight and level flight of a vehicle with fins and a drive, and the gains with which the fins keep it there.
+"""Steady straight and level flight of a vehicle with fins and a drive, and the gains of the fins that keep it there.
 
-The environments scale observations by the cruise speed, start their episodes in cruise, and leave the fins that the
-agent does not move to these gains.
+The environments scale observations by the cruise speed, start their episodes in cruise, and use these gains for the
+fins that the agent does not move.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import numpy as np
 
 from auv_gym.plant import Plant, without_effects
 
-_DEPTH = 1e3  # m; where the cruise is sought, far below any wave
-_DEPTH_ERROR = 1.0  # in lengths: what is worth the whole of a fin's travel to the regulators
-_ANGLE_ERROR = 0.3  # rad, likewise
+_DEPTH = 1e3  # m; depth at which the cruise is computed, far below any wave
+_DEPTH_ERROR = 1.0  # in lengths: the error for which the regulators use a fin's full travel
+_ANGLE_ERROR = 0.3  # rad, the same for angles
 _ROLES = {"yaw": "a part that steers in yaw", "pitch": "one that steers in pitch", "surge": "one that drives it"}
 _VELOCITIES = ("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps")
 
@@ -25,7 +25,7 @@ class Cruise:
     """Steady straight and level flight without effects, at the propulsion command of the design speed.
 
     speed: m/s, forward.  state: the family's states, position zero, heading north.  commands: the family's inputs.
-    rudder_gains: rudder, rad, per sway velocity, yaw rate and heading error (true minus wanted); what it takes off the
+    rudder_gains: rudder, rad, per sway velocity, yaw rate and heading error (true minus wanted), subtracted from the
     cruise command.  plane_gains: stern plane per heave velocity, pitch rate, pitch and depth error.
     """
 
@@ -38,7 +38,7 @@ class Cruise:
 
 @dataclass(frozen=True)
 class Helm:
-    """The inputs of a vehicle that steer it in yaw and pitch and drive it, by their indices; design: of the drive."""
+    """Indices of the inputs that steer a vehicle in yaw and pitch and drive it; design: command of the drive."""
 
     rudder: int
     plane: int
@@ -47,7 +47,7 @@ class Helm:
 
 
 def find_helm(plant: Plant) -> Helm:
-    """The helm of a plant, the first input of each role; raises where its parts leave a role open."""
+    """The helm of a plant, the first input of each role; raises if no part has one of the roles."""
     body = plant.family.body
     if body is None:
         raise ValueError(
@@ -88,7 +88,7 @@ def find_cruise(plant: Plant) -> Cruise:
         return x, commands
 
     def change(x: np.ndarray, commands: np.ndarray) -> np.ndarray:
-        """How the family's states change in a sample, with the actuators where they are told to be all the time."""
+        """The change of the family's states in a sample, with the actuators at their commands throughout."""
         start = np.zeros(len(clean.states))
         start[: x.size] = x
         for at in (x.size, x.size + actuators, start.size - actuators):  # positions, play, last command
@@ -98,14 +98,14 @@ def find_cruise(plant: Plant) -> Cruise:
     def residual(unknown: np.ndarray) -> np.ndarray:
         return change(*flight(unknown))[[*velocities, depth]] / clean.dt
 
-    low, high = 1e-3, 20.0  # the speed from which the vehicle slows down is a first guess
+    low, high = 1e-3, 20.0  # the speed at which the vehicle starts to slow down is a first guess
     for _ in range(40):
         middle = 0.5 * (low + high)
         faster = residual(np.array([middle, *np.zeros(6)]))[0] > 0.0
         low, high = (middle, high) if faster else (low, middle)
     unknown = np.array([low, *np.zeros(6)])
     for _ in range(30):
-        # least squares, because roll is arbitrary in a hull without stiffness there
+        # least squares, because roll is undetermined in a hull without roll stiffness
         move = np.linalg.lstsq(jacobian(residual, unknown), residual(unknown), rcond=1e-10)[0]
         unknown = unknown - move * min(1.0, 0.2 * abs(unknown[0]) / max(np.abs(move).max(), 1e-12))
         if not np.isfinite(unknown).all() or np.abs(move).max() < 1e-10:
@@ -122,7 +122,7 @@ def find_cruise(plant: Plant) -> Cruise:
         )
 
     def regulator(channels: tuple[str, ...], fin: int, weights: list[float]) -> np.ndarray:
-        """Gains of a fin, rad per unit of the channels, that keep these where the cruise has them."""
+        """Gains of a fin, rad per unit of the channels, that keep these channels at their cruise values."""
         at = [names.index(name) for name in channels]
 
         def motion(deviation: np.ndarray) -> np.ndarray:
@@ -151,12 +151,12 @@ def find_cruise(plant: Plant) -> Cruise:
 
 
 def command_ranges(plant: Plant) -> np.ndarray:
-    """The lowest command, that at rest and the highest of each actuator of a body, in its channel's unit, (n, 3)."""
+    """The lowest, resting and highest command of each actuator of a body, in its channel's unit, (n, 3)."""
     return plant.family.body.ranges(plant.parameters)
 
 
 def command_limits(plant: Plant) -> np.ndarray:
-    """Half of the range of each actuator's commands of a body, in its channel's unit, (n,): a fin's largest angle."""
+    """Half the range of each body actuator's commands, in its channel's unit, (n,); a fin's largest angle."""
     low, _, high = command_ranges(plant).T
     return 0.5 * (high - low)
 
@@ -168,7 +168,7 @@ def command_middles(plant: Plant) -> np.ndarray:
 
 
 def resting_commands(plant: Plant) -> np.ndarray:
-    """The inputs of a body at which its parts rest, and what stands for those that nothing moves, (n_inputs,)."""
+    """The inputs of a body at which its parts rest, with constants for inputs that no part moves, (n_inputs,)."""
     shared = [plant.constants[name] for name in plant.inputs[len(plant.family.actuators) :]]
     return np.concatenate([command_ranges(plant)[:, 1], shared])
 
@@ -193,7 +193,7 @@ def _linear_quadratic_gains(a: np.ndarray, b: np.ndarray, weights: np.ndarray) -
 
 
 def _doubled(closed: np.ndarray, reach: np.ndarray, cost: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Closed loop, reach of the command and cost over twice as many steps, and by how much the cost is more."""
+    """Closed loop, reach of the command and cost over twice as many steps, and the increase of the cost."""
     inverse = np.linalg.inv(np.eye(len(reach)) + reach @ cost)
     more = closed.T @ cost @ inverse @ closed
     reach = reach + closed @ inverse @ reach @ closed.T

@@ -1,4 +1,4 @@
-"""The current that carried a vehicle from one GPS fix to the next, averaged over a dive."""
+"""The depth-averaged current of a dive, from the GPS fixes before and after it."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from auv_gym.records.record import Record
 
 _EQUATOR, _FLATTENING = 6378137.0, 1.0 / 298.257223563  # m and 1, of the ellipsoid of WGS 84
 _PLACE = ("north_m", "east_m")
-_ENDS = 10  # samples at either end of a dive, whose depth rate tells how long it took from the surface
+_ENDS = 10  # samples at either end of a dive from whose depth rate the time to or from the surface is estimated
 _FIX = (
     5.0  # m, standard error of a fix to the north and to the east: 12 m hold 95 %; the GPS standard of 2020 has 8 to 15
 )
-_DRIFT = 0.15  # m/s to either side, by which a drift at the surface differs: 2 % of a wind of 7 m/s; chosen
-_COMPASS = radians(2.0)  # standard error of a heading over a dive, of a compass that was calibrated; chosen
-_REACH = 1.96  # standard errors of a 95 % interval
+_DRIFT = 0.15  # m/s, standard error of the drift at the surface: 2 % of a wind of 7 m/s; assumed
+_COMPASS = radians(2.0)  # standard error of a calibrated compass's heading over a dive; assumed
+_REACH = 1.96  # standard errors in half a 95 % interval
 
 
 class DiveCurrent(NamedTuple):
@@ -41,7 +41,7 @@ class DiveCurrent(NamedTuple):
 
     @property
     def words(self) -> str:
-        """The current with its name and 95 % intervals."""
+        """The current with its name and 95 % intervals, in words."""
         north, east = (
             f"{value:.3f} ± {_REACH * error:.3f}"
             for value, error in ((self.north, self.north_error), (self.east, self.east_error))
@@ -50,9 +50,9 @@ class DiveCurrent(NamedTuple):
 
 
 class _Leg(NamedTuple):
-    """A dive between two fixes: its label, the fixes' times, and, m and s, what it went over ground and through water.
+    """A dive between two fixes: its label, the fixes' times, and its displacement over ground and through water, m.
 
-    afloat: s, between a fix and the dive.
+    afloat: s, between the fixes and the dive.
     """
 
     dive: str
@@ -64,13 +64,13 @@ class _Leg(NamedTuple):
 
 
 def dive_currents(plant: Plant, record: Record, spread: Sequence[Plant] = ()) -> tuple[DiveCurrent, ...]:
-    """The current of each dive of a record that lies between two GPS fixes: what is left of the way between them.
+    """The current of each dive of a record that lies between two GPS fixes, from the difference in displacement.
 
-    record: of samples that the vehicle's family describes.  The way through the water is the plant's, from sample to
-    sample at the measured depth and heading; in what is left out it goes on evenly, and from the surface to the first
-    sample and back it goes on as there.  One way and one current for each dive: fixes tell the vehicle nothing else.
-    spread: the plant moved by a standard error in each independent direction of what was fitted.  Standard errors are
-    of these, of the fixes, of the compass, and of a drift at the surface that is not the dive's current.
+    record: samples that the vehicle's family describes.  The displacement through the water is computed by the plant
+    from sample to sample, at the measured depth and heading.  It is interpolated over gaps, and extrapolated from the
+    first and last samples to the surface.  Each dive gives one displacement and thus one current.
+    spread: the plant moved by one standard error in each independent direction of the fit.  The standard errors include
+    these, the fixes, the compass, and a drift at the surface that differs from the dive's current.
     """
     legs, found = _legs(plant, record), []
     moved = [_legs(other, record) for other in spread]
@@ -106,7 +106,7 @@ def _legs(plant: Plant, record: Record) -> list[_Leg]:
 
 
 def _through_water(plant: Plant, record: Record) -> tuple[np.ndarray, np.ndarray]:
-    """Times between samples, s, (n,), and velocities there, north and east, m/s, (n, 2), from each sample alone."""
+    """Times between samples, s, (n,), and velocities there, north and east, m/s, (n, 2), each from one sample alone."""
     begins = np.concatenate([np.arange(s.start, s.stop - 1) for s in record.segments])
     read = outputs_of(plant, record)
     read[:, [plant.outputs.index(name) for name in _PLACE]] = 0.0
@@ -120,7 +120,7 @@ def _through_water(plant: Plant, record: Record) -> tuple[np.ndarray, np.ndarray
 def _way(
     record: Record, rows: np.ndarray, middles: np.ndarray, velocities: np.ndarray, fixes: tuple[float, float]
 ) -> tuple[np.ndarray, float]:
-    """The way through the water, m north and east, from fix to fix, and the time at the surface beside it, s."""
+    """The displacement through the water between fixes, m north and east, and the remaining time afloat, s."""
     time, depth = record.time[rows], record["depth_m"][rows]
     between, lengths = 0.5 * (time[1:] + time[:-1]), np.diff(time)
     way = np.array([np.interp(between, middles, v) @ lengths for v in velocities.T])
@@ -133,7 +133,7 @@ def _way(
 
 
 def _apart(before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """The way from one fix to another, m north and east; fixes: s, and latitude and longitude in deg."""
+    """The displacement between two fixes, m north and east; fixes: s, and latitude and longitude in deg."""
     middle, square = radians(0.5 * (before[1] + after[1])), _FLATTENING * (2.0 - _FLATTENING)
     across = _EQUATOR / sqrt(1.0 - square * sin(middle) ** 2)
     along = across * (1.0 - square) / (1.0 - square * sin(middle) ** 2)

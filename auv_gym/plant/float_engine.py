@@ -1,6 +1,6 @@
-"""A float's buoyancy engine, and the speed and time scales that follow from it.
+"""The buoyancy engine of a float, and the speed and time scales that follow from it.
 
-The environments scale observations, targets and times by these, so that one task fits a float of any size.
+The environments scale observations, targets and times by these, so that one task fits floats of any size.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ import numpy as np
 
 from auv_gym.plant import Plant, without_effects
 
-OIL = 2e-4  # m^3 that an oil bladder takes and gives from neutral trim; logs of MERMAID floats move about as much
-PUMP = 0.81e-6  # m^3/s, the rate of MERMAID's pump; oil comes back in at this rate too
-_DEPTH = 1e3  # m; where the speed is sought, far below the surface
+OIL = 2e-4  # m^3 by which an oil bladder goes to either side of neutral trim; logs of MERMAID floats move about as much
+PUMP = 0.81e-6  # m^3/s, the rate of MERMAID's pump; oil returns at this rate, too
+_DEPTH = 1e3  # m; depth at which the speed is computed, far below the surface
 
 
 @dataclass(frozen=True)
 class Engine:
-    """What moves a float: an input between middle - half and middle + half, in the channel's unit, per s.
+    """The input that moves a float, between middle - half and middle + half, in the channel's unit; rate: per s.
 
     volume: m^3 displaced per unit of the channel.  speed: m/s, the slower of the steady speeds at the two ends, without
-    effects.  time: s, three times what the engine takes from the middle to an end and the float to get going there.
+    effects.  time: s, three times what the engine needs from the middle to an end plus the float to reach its speed.
     """
 
     channel: str
@@ -35,7 +35,7 @@ class Engine:
 
 
 def find_engine(plant: Plant) -> Engine:
-    """The engine of a float; raises if it moves the float one way only, or not at all."""
+    """The engine of a float; raises if it can move the float in one direction only, or not at all."""
     clean, hull = without_effects(plant), plant.hull
     channel = plant.family.required[0]
     if channel == "piston_m":
@@ -56,7 +56,7 @@ def find_engine(plant: Plant) -> Engine:
 
 
 def _steady_rate(plant: Plant, value: float) -> float:
-    """Depth rate, m/s, that a float has come to after an hour with its engine at a value."""
+    """Depth rate, m/s, that a float reaches after an hour with its engine at a value."""
     inputs = np.array([plant.constants.get(name, value) for name in plant.inputs])
     x = plant.initial(np.array([_DEPTH, 0.0]))
     return float(plant.step_over(x, inputs, 3600.0)[plant.states.index("depth_rate_mps")])

@@ -1,4 +1,4 @@
-"""What a glider's plant flies by: its neutral engine volume, its steady flight, and how its masses take it there."""
+"""Trim of a glider: its neutral engine volume, its steady flight, and the positions of its masses for it."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from auv_gym.plant import Plant
 from auv_gym.vehicles.glide import GlideHull, flight, flight_at, net_buoyancy
 from auv_gym.vehicles.glide_steered import GLIDE_STEERED
 
-STEP = 30.0  # s between commands of a glider that is steered: a Seaglider's samples in deep water
-_BEYOND = 0.05  # of the engine's range, by which a logged volume may be beyond it
+STEP = 30.0  # s between commands of a steered glider: a Seaglider's sample interval in deep water
+_BEYOND = 0.05  # of the engine's range; tolerance for logged volumes outside it
 NOMINAL_PITCH = 0.4  # rad; operators fly at 15 to 30 degrees
 
 
@@ -31,7 +31,7 @@ class Flight(NamedTuple):
 def neutral_engine(plant: Plant, depth: float, density: float | None = None, temperature: float | None = None) -> float:
     """The engine's volume, m^3, at which a glider neither sinks nor rises at a depth, m.
 
-    density: kg/m^3, and temperature: degC, of the water; by default those of the hull, as where nothing is measured.
+    density: kg/m^3, and temperature: degC, of the water; by default those of the hull, as without measurements.
     Raises ValueError for a vehicle that does not fly by a polar.
     """
     _check_polar(plant)
@@ -42,7 +42,7 @@ def neutral_engine(plant: Plant, depth: float, density: float | None = None, tem
 
 
 def steady_flight(plant: Plant, depth: float, **inputs: float) -> Flight:
-    """Steady flight at a depth, m; inputs: by channel, those that are not named as in a record without them.
+    """Steady flight at a depth, m; inputs: by channel, those not named have their values for records without them.
 
     Raises ValueError for a vehicle that does not fly by a polar at a given attitude, and for inputs out of its range.
     """
@@ -73,7 +73,7 @@ def steady_flight(plant: Plant, depth: float, **inputs: float) -> Flight:
 
 
 def nominal_flight(plant: Plant, depth: float, lift: float, pitch: float = NOMINAL_PITCH) -> Flight:
-    """Steady flight at a depth, m, with the engine `lift`, m^3, off neutral, nose up where that lifts; pitch: rad."""
+    """Steady flight at a depth, m, with the engine `lift`, m^3, off neutral; pitch: rad, bow up if that rises."""
     hull, engine = plant.hull, neutral_engine(plant, depth) + lift
     pitch = pitch if lift > 0.0 else -pitch
     p = plant.family.view(plant.derived)
@@ -81,7 +81,7 @@ def nominal_flight(plant: Plant, depth: float, lift: float, pitch: float = NOMIN
 
 
 def steered(plant: Plant, dt: float | None = STEP) -> Plant:
-    """The glider with its masses as inputs in the place of its attitude; raises where nothing is known of them.
+    """The glider with its masses as inputs instead of its attitude; raises if their effect is unknown.
 
     dt: s between commands, None for the vehicle's own.
     """
@@ -96,7 +96,7 @@ def steered(plant: Plant, dt: float | None = STEP) -> Plant:
 
 
 def _check_polar(plant: Plant) -> None:
-    """Raises ValueError for a vehicle that does not fly by a polar."""
+    """Raise ValueError for a vehicle that does not fly by a polar."""
     if not isinstance(plant.hull, GlideHull):
         raise ValueError(
             f"A glider that flies by a polar is needed, such as the presets slocum_flight and seaglider; got "
@@ -105,13 +105,13 @@ def _check_polar(plant: Plant) -> None:
 
 
 def battery_for(plant: Plant, pitch: float, engine: float) -> float:
-    """The battery's position, m, that gives a pitch, rad, with the engine at a volume, m^3, as far as its way goes."""
+    """The battery's position, m, for a pitch, rad, with the engine at a volume, m^3, within the battery's travel."""
     s = plant.parameters.steering
     position = (pitch - s.pitch - s.pitch_engine * engine) / s.pitch_mass
     return min(max(position, s.battery_low), s.battery_high)
 
 
 def turning_input(plant: Plant) -> tuple[str, float]:
-    """What turns a steered glider, its fin or its battery's angle, and how far it goes either way, rad."""
+    """The input that turns a steered glider (its fin or its battery's roll angle) and its largest value, rad."""
     s = plant.parameters.steering
     return ("rudder_rad", s.rudder_limit) if s.turn_rudder else ("battery_roll_rad", s.roll_limit)

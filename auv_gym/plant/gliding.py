@@ -1,4 +1,4 @@
-"""Steady glides of a vehicle in six degrees of freedom that its volume and its masses move, and nothing else.
+"""Steady glides of a vehicle in six degrees of freedom that is moved only by its volume and its masses.
 
 The environments scale observations by these glides and start their episodes in one; autopilots take their gains from
 them.
@@ -15,18 +15,18 @@ import numpy as np
 from auv_gym.plant import Plant, without_effects
 from auv_gym.plant.cruise import command_ranges, jacobian, resting_commands
 
-PITCH = 0.4  # rad, at which it usually climbs and, bow down, dives, as gliders that fly by a polar
-DEPTH = 30.0  # m, where it usually glides
-_MOMENT = 1e-3  # s, over which accelerations are taken: in steady motion they are zero over any time
+PITCH = 0.4  # rad, its usual pitch: bow up in a climb, bow down in a dive, as of gliders that fly by a polar
+DEPTH = 30.0  # m, its usual depth
+_MOMENT = 1e-3  # s, over which accelerations are computed: in steady motion they are zero over any time
 _FASTEST = 20.0  # m/s, above every glide
-_MOVE = 0.2  # m/s, rad or m, the most that a guess is moved at a time
-_STEADY = 1e-7  # m/s^2 and rad/s^2 that may be left over
+_MOVE = 0.2  # m/s, rad or m, the largest change of a guess in one step
+_STEADY = 1e-7  # m/s^2 and rad/s^2, tolerance for the residual
 _WANTED = {"volume": "that changes its volume", "slide": "that slides in it", "turn": "that turns in it"}
 
 
 @dataclass(frozen=True)
 class Masses:
-    """The inputs that change a vehicle's volume, and slide and turn a mass in it, by their indices."""
+    """Indices of the inputs that change a vehicle's volume, slide a mass and turn a mass."""
 
     volume: int
     slide: int
@@ -48,7 +48,7 @@ class Glide:
 
     @property
     def speed(self) -> float:
-        """Through the water, m/s."""
+        """Speed through the water, m/s."""
         return float(np.linalg.norm(self.state[:3]))
 
     @property
@@ -64,7 +64,7 @@ class Glide:
 
 
 def find_masses(plant: Plant) -> Masses:
-    """What moves a plant's volume and masses, the first input of each; raises where its parts leave one open."""
+    """The inputs that move a plant's volume and masses, the first of each; raises if no part has one of them."""
     body = plant.family.body
     moved = {} if body is None else body.by_inside()
     for inside, wanted in _WANTED.items():
@@ -79,7 +79,7 @@ def find_masses(plant: Plant) -> Masses:
 def neutral_volume(plant: Plant, depth: float) -> float:
     """The volume, m^3, with which a plant without its effects rests level at a depth, m.
 
-    Raises if the engine does not reach it.
+    Raises if the engine cannot reach it.
     """
     clean, masses = without_effects(plant), find_masses(plant)
     names = clean.family.states
@@ -87,7 +87,7 @@ def neutral_volume(plant: Plant, depth: float) -> float:
     low, _, high = command_ranges(clean)[masses.volume]
 
     def residual(unknown: np.ndarray) -> np.ndarray:
-        """Accelerations for a share of the engine's range, a place of the mass that slides, and roll."""
+        """Accelerations for a share of the engine's range, a position of the sliding mass, and roll."""
         x, commands = _at(clean, depth), resting_commands(clean)
         x[roll], commands[moved] = unknown[2], (low + unknown[0] * (high - low), unknown[1])
         return _accelerations(clean, x, commands)
@@ -104,14 +104,14 @@ def neutral_volume(plant: Plant, depth: float) -> float:
 def steady_glide(plant: Plant, volume: float, pitch: float, depth: float, turned: float = 0.0) -> Glide:
     """The steady glide of a plant without its effects, with a volume, m^3, at a pitch, rad, and a depth, m.
 
-    turned: angle of the mass that turns, rad: 0 gives a straight glide, others a spiral.  Raises where no position of
-    the mass that slides gives this pitch.  Six equations of motion with all accelerations zero, by Newton's method.
+    turned: angle of the turning mass, rad: 0 gives a straight glide, others a spiral.  Raises if no position of the
+    sliding mass gives this pitch.  Solves six equations of motion with zero accelerations by Newton's method.
     """
     clean, masses = without_effects(plant), find_masses(plant)
     roll_at = clean.family.states.index("roll_rad")
 
     def motion(unknown: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """State and commands of three velocities, roll, place of the mass and rate of turn."""
+        """State and commands for three velocities, roll, position of the mass and rate of turn."""
         x, commands = _at(clean, depth), resting_commands(clean)
         roll, turn = unknown[3], unknown[5]
         x[:3], x[roll_at : roll_at + 2] = unknown[:3], (roll, pitch)
@@ -122,7 +122,7 @@ def steady_glide(plant: Plant, volume: float, pitch: float, depth: float, turned
     def residual(unknown: np.ndarray) -> np.ndarray:
         return _accelerations(clean, *motion(unknown))
 
-    low, high = 1e-3, _FASTEST  # the speed from which it slows down is a first guess
+    low, high = 1e-3, _FASTEST  # the speed at which it starts to slow down is a first guess
     for _ in range(40):
         middle = 0.5 * (low + high)
         faster = residual(np.array([middle, *np.zeros(5)]))[0] > 0.0
@@ -131,7 +131,7 @@ def steady_glide(plant: Plant, volume: float, pitch: float, depth: float, turned
     least, _, most = command_ranges(clean)[masses.slide]
     glide = Glide(*motion(unknown), pitch, float(unknown[5]))
     found = np.isfinite(unknown).all() and np.abs(residual(unknown)).max() < _STEADY and unknown[0] > 0.0
-    # the mass stops at the end of its way, where no pitch beyond is steady; a stall, sinking bow up, is steady, too
+    # beyond the end of the mass's travel, no pitch is steady; a stall, sinking bow up, is steady, too
     if not found or glide.path * pitch <= 0.0:
         raise ValueError(
             f"{plant.name!r} has no steady glide at a pitch of {pitch:.3g} rad with a volume of {volume:.4g} m^3: "
@@ -142,9 +142,9 @@ def steady_glide(plant: Plant, volume: float, pitch: float, depth: float, turned
 
 
 def usual_glide(plant: Plant, side: float, depth: float = DEPTH) -> Glide:
-    """The straight steady dive (side -1) or climb (side 1) at the usual pitch, with all of the engine, at a depth, m.
+    """The straight steady dive (side -1) or climb (side 1) at the usual pitch, at the engine's limit, at a depth, m.
 
-    Raises where there is none, as `neutral_volume` and `steady_glide` do.
+    Raises if there is none, as `neutral_volume` and `steady_glide` do.
     """
     neutral = neutral_volume(plant, depth)
     return steady_glide(plant, neutral + side * _half_about(plant, neutral), side * PITCH, depth)
@@ -168,15 +168,15 @@ def _at(plant: Plant, depth: float) -> np.ndarray:
 
 
 def _accelerations(plant: Plant, x: np.ndarray, commands: np.ndarray) -> np.ndarray:
-    """How the six velocities in body axes change, m/s^2 and rad/s^2, with volume and masses at rest where they are."""
+    """Accelerations in body axes, m/s^2 and rad/s^2, with volume and masses at rest at their positions."""
     start = plant.settled(x, commands)
     return (plant.step_over(start, commands, _MOMENT) - start)[:6] / _MOMENT
 
 
 def _solved(residual: Callable[[np.ndarray], np.ndarray], unknown: np.ndarray) -> np.ndarray:
-    """The unknowns that take the residual to zero, by Newton's method with steps of at most _MOVE."""
+    """The zero of the residual, by Newton's method with steps of at most _MOVE."""
     for _ in range(60):
-        # least squares, because there may be more equations than unknowns, and roll may be arbitrary
+        # least squares: there may be more equations than unknowns, and roll may be undetermined
         move = np.linalg.lstsq(jacobian(residual, unknown), residual(unknown), rcond=1e-10)[0]
         unknown = unknown - move * min(1.0, _MOVE / max(np.abs(move).max(), 1e-12))
         if not np.isfinite(unknown).all() or np.abs(move).max() < 1e-9:

@@ -11,10 +11,10 @@ from auv_gym.plant import Plant, without_effects
 from auv_gym.plant.cruise import resting_commands
 from auv_gym.plant.thrusters import AXES, Thrusters, allocation, find_thrusters, served_axes
 
-_DEPTH = 1e3  # m; where it hovers, far below any wave
-_MOMENT = 1e-6  # s, in which accelerations are taken: they change little in it, and rounding of them is 1e-10
-_HELD = 1e-6  # of the largest thrust, and of that at the longest arm: a force, or moment, left over
-_ROUNDING = 1e-9  # of the largest thrust: less would only put a thruster at the edge of its dead zone
+_DEPTH = 1e3  # m; depth at which it hovers, far below any wave
+_MOMENT = 1e-6  # s, over which accelerations are computed: they change little in it, and their rounding error is 1e-10
+_HELD = 1e-6  # tolerance for the remaining force, in largest thrusts, or moment, in largest thrusts at the longest arm
+_ROUNDING = 1e-9  # of the largest thrust; smaller thrusts would only put a thruster at the edge of its dead zone
 _FASTEST = 50.0  # m/s or rad/s, above every attainable speed
 
 
@@ -24,7 +24,8 @@ class Hover:
 
     state: the family's states, position zero, heading north.  commands: the family's inputs.  thrusts: N, (n,).
     axes: those that the thrusters serve, see `served_axes`.  allocation: (n, axes), thrusts per wrench.  largest: by
-    axis, the largest wrench, N or N m, that they can add either way.  speeds: by axis, m/s or rad/s, what that gives.
+    axis, the largest wrench, N or N m, that they can add in both directions.  speeds: by axis, m/s or rad/s, at that
+    wrench.
     """
 
     state: np.ndarray
@@ -38,17 +39,17 @@ class Hover:
 
     @property
     def wrench(self) -> np.ndarray:
-        """The wrench of the thrusts that hold it, N and N m, by axis, (axes,)."""
+        """The wrench of the holding thrusts, N and N m, by axis, (axes,)."""
         return self.thrusters.wrench[[AXES.index(axis) for axis in self.axes]] @ self.thrusts
 
     @property
     def speed(self) -> float:
-        """The attainable speed ahead, or where thrusters do not drive it ahead, of the first direction that they do."""
+        """The attainable speed ahead or, without thrust ahead, along the first axis that the thrusters serve."""
         return next(iter(self.speeds.values()))
 
 
 def find_hover(plant: Plant) -> Hover:
-    """The hover of a plant; raises where its thrusters cannot hold it at rest and level."""
+    """The hover of a plant; raises if its thrusters cannot hold it at rest and level."""
     clean, thrusters = without_effects(plant), find_thrusters(plant)
     axes = served_axes(thrusters.wrench)
     shares = allocation(thrusters.wrench)
@@ -58,7 +59,7 @@ def find_hover(plant: Plant) -> Hover:
     state[states.index("depth_m")] = _DEPTH
 
     def wrench(thrusts: np.ndarray, velocity: np.ndarray | None = None) -> np.ndarray:
-        """The wrench that is left over with these thrusts, at rest or at a velocity in body axes."""
+        """The remaining wrench with these thrusts, at rest or at a velocity in body axes."""
         told, x = commands.copy(), state.copy()
         told[thrusters.at] = thrusters.commands(thrusts)
         if velocity is not None:
@@ -68,7 +69,7 @@ def find_hover(plant: Plant) -> Hover:
 
     thrusts = np.zeros(thrusters.at.size)
     served = [AXES.index(axis) for axis in axes]
-    for _ in range(10):  # once would do, but for the change of the acceleration in a moment
+    for _ in range(10):  # once would do, if the acceleration did not change over the interval
         thrusts = thrusts - shares @ wrench(thrusts)[served]
         if (thrusts < thrusters.least).any() or (thrusts > thrusters.most).any():
             break
@@ -91,7 +92,7 @@ def find_hover(plant: Plant) -> Hover:
 
 
 def _largest(thrusters: Thrusters, about: np.ndarray, share: np.ndarray) -> float:
-    """The largest wrench along an axis, N or N m, that thrusters can add either way; share: thrusts per its unit."""
+    """The largest wrench along an axis, N or N m, that can be added both ways; share: thrusts per its unit."""
     much = 1e9
     return much * min(thrusters.share_within(side * much * share, about) for side in (1.0, -1.0))
 

@@ -1,4 +1,4 @@
-"""Plant: a vehicle and its effects, integrated, as a Model; and the vehicle files it is read from and written to."""
+"""Plant: a vehicle and its effects, integrated, as a Model."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from auv_gym.vehicles import Family
 from auv_gym.vehicles.body.learned_hull import LearnedHull
 
 _EFFECTS = "effects."
-SHARED_ROWS = 5000  # of all runs together, from which on threads share them
+SHARED_ROWS = 5000  # of all runs together; from this number on, threads share the runs
 
 
 @dataclass(frozen=True)
 class Plant:
     """A vehicle and its effects as a Model.
 
-    dt: s, the sample over which `step` holds its inputs.  longest_step: s, the largest RK4 step inside a sample.
-    window: s, over which free runs of such a vehicle are judged.  settle: s, their first part, which fits their starts.
-    notes: where each number comes from, by path.  deviations: standard deviation of what is known of a coefficient or
-    an effect, in its unit, by path.  fitted_to: the logs that its numbers have seen.  learned: in place of the hull's
-    forces, see `LearnedHull`.
+    dt: s, the sample over which `step` holds its inputs.  longest_step: s, the largest RK4 step within a sample.
+    window: s, default length of free runs for judging models of the vehicle.  settle: s, their first part, to which
+    starts are fitted.  notes: the origin of each number, by path.  deviations: standard deviation of the prior
+    knowledge of a coefficient or an effect, in its unit, by path.  fitted_to: the logs to which its numbers were
+    fitted.  learned: replaces the hull's forces, see `LearnedHull`.
 
     Example:
 
@@ -94,7 +94,7 @@ class Plant:
 
     @property
     def interpolated(self) -> tuple[str, ...]:
-        """Inputs of which the mean over an interval of a record counts."""
+        """Inputs whose mean over a record's interval is used."""
         return self.family.interpolated
 
     @property
@@ -114,7 +114,7 @@ class Plant:
 
     @cached_property
     def constants(self) -> dict[str, float]:
-        """Values of the inputs that a record need not have."""
+        """Values of the inputs that a record may lack."""
         named = self.family.constants
         return {
             name: value_at(self, named[name]) if name in named else 0.0
@@ -126,8 +126,8 @@ class Plant:
     def coefficients(self) -> tuple[str, ...]:
         """The paths that a first fit frees: those of the family, and those with a standard deviation of their own.
 
-        Terms that the vehicle leaves at zero are not among them, but for those that it is bound to have
-        (`Family.unstated`), nor are effects that it states as neutral: a diagnosis seeks them.
+        Terms that are zero in the vehicle are excluded, except those that it must have (`Family.unstated`).  Effects
+        that the vehicle states as neutral are excluded, too: a diagnosis searches for them.
         """
         own = tuple(
             path
@@ -145,21 +145,21 @@ class Plant:
 
     @cached_property
     def doubted(self) -> tuple[str, ...]:
-        """The paths of all coefficients that are not known exactly, those of a first fit before the others."""
+        """The paths of all coefficients that are not known exactly; those of a first fit come first."""
         first = self.coefficients
         return (*first, *(path for path in self.family.doubted(self.parameters) if path not in first))
 
     @property
     def twins(self) -> dict[str, str]:
-        """The effects that act as a coefficient does, with the coefficient's path."""
+        """The effects that are equivalent to a coefficient, with the coefficient's path."""
         same = {effect: path for effect, (path, _) in self.family.coefficients_of(self.parameters).items()}
         return same | dict(self.family.twins)
 
     def deviation(self, path: str, doubt: float) -> float:
-        """The standard deviation of what is known of a parameter, in its unit; infinite where nothing is.
+        """The standard deviation of the prior knowledge of a parameter, in its unit; infinite if there is none.
 
-        doubt: relative, of coefficients that have none of their own; 0 holds all of them, infinite frees all of them,
-        and effects of which the vehicle states one.
+        doubt: relative standard deviation of coefficients without one of their own; 0 holds all of them, and infinity
+        frees all of them and the effects for which the vehicle states one.
         """
         if np.isinf(doubt):
             return np.inf
@@ -171,14 +171,14 @@ class Plant:
 
     @cached_property
     def vector(self) -> np.ndarray:
-        """The parameters as the compiled functions take them, in the order of `list_paths`; then the learned table."""
+        """The parameters in the order of `list_paths` for the compiled functions; then the learned table."""
         return pack(self) if self.learned is None else np.concatenate([pack(self), self.learned.table])
 
     @cached_property
     def derived(self) -> np.ndarray:
-        """What the compiled programs take in place of the parameters: these, and what follows from them alone."""
+        """The input of the compiled programs: the parameters, and everything that depends on them alone."""
         derived = np.zeros(self.family.derived + (0 if self.learned is None else self.learned.table.size))
-        self.programs.derive(self.vector.copy(), derived)  # for what is read-only it would be compiled once more
+        self.programs.derive(self.vector.copy(), derived)  # a copy: read-only arrays would be compiled separately
         return derived
 
     @cached_property
@@ -187,18 +187,18 @@ class Plant:
 
     @property
     def programs(self) -> Programs:
-        """Looked up each time, as what a vehicle keeps is pickled with it."""
+        """The compiled programs; looked up each time, since cached attributes are pickled with the plant."""
         return bind_family(self.family)
 
     @cached_property
     def _measured(self) -> tuple[list[int], list[int]]:
-        """Where the outputs that measure a state are, and those states; velocity over ground, say, measures none."""
+        """Indices of the outputs that measure a state, and of those states; velocity over ground measures none."""
         names = [name for name in self.outputs if name in self.family.states]
         return [self.outputs.index(name) for name in names], [self.family.states.index(name) for name in names]
 
     @cached_property
     def _of_actuators(self) -> np.ndarray:
-        """Which numbers of the full state after the family's states are actuators' positions or commands."""
+        """Which entries of the full state, after the family's states, are actuators' positions or commands."""
         among = np.ones(self._size - len(self.family.states), dtype=bool)
         sensors_at = 2 * len(self.family.actuators)
         among[sensors_at : sensors_at + len(self.family.sensors)] = False
@@ -206,27 +206,27 @@ class Plant:
 
     @cached_property
     def _rest(self) -> np.ndarray:
-        """Where each of these numbers is at rest: at the constant that the family names for the input, or at zero."""
+        """The resting value of each of these entries: the family's constant for the input, or zero."""
         named = self.family.constants
         rest = [value_at(self, named[name]) if name in named else 0.0 for name in self.family.actuators]
         return np.tile(rest, 2 + self.history)
 
     @cached_property
     def history(self) -> int:
-        """How many samples' commands the full state keeps: as many as the longest dead time reaches back, and one."""
+        """The number of samples whose commands the full state keeps: the longest dead time in samples, plus one."""
         clock = self.effects.clock
         longest = max((value_at(self, p) for p in list_paths(self) if p.endswith(".dead_time")), default=0.0)
         return max(ceil(((1.0 + clock.rate) * longest + clock.delay) / self.dt - 1e-9), 0) + 1
 
     @cached_property
     def ages(self) -> np.ndarray:
-        """Times, s, of the commands that the full state keeps, ending at 0, then the end of the sample."""
+        """Times, s, of the commands in the full state, ending at 0, then the end of the sample."""
         return self.dt * np.arange(1 - self.history, 2.0)
 
     def initial(self, y0: np.ndarray) -> np.ndarray:
         """A state with these outputs where they are finite, zero otherwise; actuators at rest, sensors settled.
 
-        Where the reading of a speed through the water is missing, that over ground stands in for it.
+        If a reading of speed through the water is missing, speed over ground is used instead.
         """
         x = np.zeros(self._size)
         x[len(self.family.states) :][self._of_actuators] = self._rest
@@ -236,18 +236,18 @@ class Plant:
                 if np.isfinite(known.get(output, np.nan)):
                     x[index] = known[output]
                     break
-        for _ in range(3):  # what the compass lags behind depends on the heading where it deviates: a fixed point
+        for _ in range(3):  # fixed-point iteration: the compass's lag depends on the heading, because of the deviation
             self.programs.settle(x, self.derived)
             x = self.correct(x, y0)
         return x
 
     def settled(self, states: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """The full state with these states of the family, whose actuators have long been where the inputs have them."""
+        """The full state with these states of the family, with actuators long settled at the inputs."""
         actuators, n = len(self.family.actuators), len(self.family.states)
         x = np.zeros(self._size)
         x[:n] = states
         u, memory, positions = np.array(u, dtype=np.float64), np.zeros(actuators), np.zeros(actuators)
-        for _ in range(2):  # the first time for the play, which starts in its middle
+        for _ in range(2):  # the first pass sets the play, which starts in its middle
             self.family.hooks.shape(u, memory, self.family.view(self.derived), positions)
             memory[:] = positions
         x[n : n + actuators] = x[n + actuators : n + 2 * actuators] = positions
@@ -260,14 +260,14 @@ class Plant:
         return self._advance(x, u, self.ages)
 
     def step_over(self, x: np.ndarray, u: np.ndarray, duration: float) -> np.ndarray:
-        """The state `duration` s later; the commands before it count as held for dt each."""
+        """The state `duration` s later; earlier commands count as held for dt each."""
         ages = self.ages.copy()
         ages[-1] = duration
         return self._advance(x, u, ages)
 
     def _advance(self, x: np.ndarray, u: np.ndarray, ages: np.ndarray) -> np.ndarray:
         next_x, u = np.array(x, dtype=np.float64), np.ascontiguousarray(u, dtype=np.float64)
-        if next_x.shape != (self._size,) or u.shape != (len(self.inputs),):  # compiled code checks no index
+        if next_x.shape != (self._size,) or u.shape != (len(self.inputs),):  # compiled code does not check indices
             raise ValueError(
                 f"A step of {self.name} needs a state of shape ({self._size},), as `initial` returns it, and "
                 f"inputs of shape ({len(self.inputs)},): {', '.join(self.inputs)}; got {next_x.shape} and {u.shape}."
@@ -288,7 +288,7 @@ class Plant:
         """The state moved so that its outputs are y where y is finite; the rest of the state is kept."""
         measured, states = self._measured
         x, y = np.array(x, dtype=float), np.asarray(y, dtype=float)[measured]
-        for _ in range(100):  # the compass deviation depends on the heading: a fixed point
+        for _ in range(100):  # fixed-point iteration: the compass deviation depends on the heading
             error = y - self.output(x)[measured]
             if not np.any(np.abs(error) > 1e-13 * (1.0 + np.abs(y))):
                 break
@@ -298,8 +298,8 @@ class Plant:
     def run(self, record: Record, windows: Sequence[slice], starts: np.ndarray) -> np.ndarray:
         """Outputs of free runs over windows of a record, shape (total rows, n_outputs).
 
-        starts: (n_windows, at least the family's states), the states at the windows' first rows; what was commanded
-        before a window, in its segment, counts.  Raises Diverged.
+        starts: (n_windows, at least the family's states), the states at the windows' first rows; commands before a
+        window, in its segment, are taken into account.  Raises Diverged.
         """
         size = len(self.family.states)
         y = self.run_many(Runs.over(self, record, windows), self.vector[None, :], starts[None, :, :size])[0]
@@ -331,7 +331,7 @@ class Plant:
         after: Any = None,
         earlier: Sequence[tuple[int, np.ndarray]] = (),
     ) -> None:
-        """The runs into y; earlier: rows up to which actuators have moved by other vectors, and these."""
+        """Write the runs into y; earlier: pairs of a row and the parameters by which actuators moved up to it."""
         after = np.empty((0, runs.rows, starts.shape[2])) if after is None else after
         until = np.array([row for row, _ in earlier], dtype=np.int64)
         count, parameters = vectors.shape
@@ -339,11 +339,11 @@ class Plant:
         windows = (runs.begin, runs.stop, c.carried, c.constant)
         times = (runs.times, runs.inputs, runs.first, runs.references, self.longest_step, runs.stride, runs.shares)
         corrected = (c.measured, c.gains, c.moved, c.told, c.kicks, c.decays)
-        starts = np.ascontiguousarray(starts)  # each layout would be compiled for itself
+        starts = np.ascontiguousarray(starts)  # each memory layout would be compiled separately
         self.programs.rollout(vectors, starts, *windows, *times, *corrected, before, until, y, after)
 
     def pieces(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rows from which on it is another vehicle, (E,), and the parameters before, between and after, (E + 1, n).
+        """Rows at which the parameters change, (E,), and the parameters before, between and after, (E + 1, n).
 
         vector: (n,), its parameters, which do not change along a record here.
         """
@@ -371,7 +371,7 @@ class Plant:
 
 
 def _shared_out(count: int, rows: int, run: Callable[[slice], None]) -> None:
-    """Run all of `count` runs, by threads where there are many rows."""
+    """Perform all of `count` runs, in threads if there are many rows."""
     shares = threads() if count * rows >= SHARED_ROWS else 1
     edges = np.linspace(0, count, shares + 1).astype(int)
     parts = [slice(a, b) for a, b in pairwise(edges.tolist())]
@@ -380,10 +380,10 @@ def _shared_out(count: int, rows: int, run: Callable[[slice], None]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """What corrects a run at every row, see `auv_gym.plant.rollout.rollout`.
+    """Corrections of a run at every row, see `auv_gym.plant.rollout.rollout`.
 
-    measured: (rows, n_outputs), NaN where nothing is.  gains: (rows, N, C), or (0, ...) for free runs, of the `moved`
-    ones, (N,), among F states, sensor states and accelerations, and of the outputs that `told` counts, (C,).
+    measured: (rows, n_outputs), NaN without a reading.  gains: (rows, N, C), or (0, ...) for free runs, for the `moved`
+    entries, (N,), of the F states, sensor states and accelerations, and the outputs listed in `told`, (C,).
     kicks: (D, 4).  decays: (rows, D).  carried: (W,) bool.  constant: (n_states,) bool.
     """
 
@@ -398,7 +398,7 @@ class Correction:
 
     @classmethod
     def none(cls, plant: Plant, runs: Runs) -> Correction:
-        """Free runs."""
+        """No corrections, for free runs."""
         none, windows = np.empty(0, dtype=np.int64), runs.begin.size
         return cls(
             np.empty((0, len(plant.outputs))), np.empty((0, 0, 0)), none, none, np.empty((0, 4)), np.empty((0, 0)),
@@ -408,9 +408,9 @@ class Correction:
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """Windows of a record in the form the compiled rollout takes, made once for a whole fit.
+    """Windows of a record in the form for the compiled rollout, made once for a whole fit.
 
-    references: (n, 4), of a chart in which starts and outputs have attitudes, see `Chart`; (0, 4) for Euler angles.
+    references: (n, 4), of a chart that gives the attitudes in starts and outputs, see `Chart`; (0, 4) for Euler angles.
     """
 
     begin: np.ndarray
@@ -435,7 +435,7 @@ class Runs:
     ) -> Runs:
         """Runs over windows of a record, each a whole multiple of `stride` samples, which is 1 with a chart.
 
-        shares: (n, n_outputs), of each sample's outputs in its row's, if the stride is more than 1.
+        shares: (n, n_outputs), weights of each sample's outputs in its row, if the stride is more than 1.
         """
         first = np.empty(record.time.size, dtype=np.int64)
         for segment in record.segments:
@@ -452,7 +452,7 @@ class Runs:
 
 
 def check_deviation(parameters: Any, path: str, deviation: Any) -> None:
-    """Raises unless a standard deviation can be that of a coefficient or an effect at a path."""
+    """Raise unless a standard deviation is valid for a coefficient or an effect at a path."""
     unit = spec_at(parameters, path).unit
     if not path.startswith(("hull.", "parts.", _EFFECTS)):
         raise ValueError(f"{path} cannot have a deviation: only numbers of the hull and of parts, and effects, do.")

@@ -1,4 +1,4 @@
-"""What a vehicle takes from a log, and whether a record can be of it: values within its range, inputs that move."""
+"""Checks of whether a record can be of a vehicle: the channels needed, values within range, inputs that move."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ from auv_gym.records.mapping import FULL, Target, command_in
 from auv_gym.records.reading import Needs
 from auv_gym.records.record import Record
 
-_TOLERANCE = 0.05  # of a range, by which a reading may be beyond it
-FEW = 0.01  # share of wild readings that are left out; more of them are a column's sign or unit
-_STILL = 1e-3  # of an input's usual size, below which it does not move
-_MOSTLY = 0.5  # share of commands beyond what thrusters take, from which they come in another unit; and of a log, from
-# which it is worth a remark that it is left out
-_COMMAND_UNITS = (  # what commands of thrusters come in instead: least, most, and words
+_TOLERANCE = 0.05  # of a range; tolerance for readings outside it
+FEW = 0.01  # share of wild readings that are left out; more of them indicate a wrong sign or unit
+_STILL = 1e-3  # of an input's usual size; below this, it does not move
+_MOSTLY = 0.5  # share of commands beyond the thrusters' range from which their unit must be another; and share of a log
+# from which leaving it out is worth a remark
+_COMMAND_UNITS = (  # other units in which commands of thrusters may be logged: words, least, most
     ("shares from -1 to 1", -1.0, 1.0),
     ("percent from -100 to 100", -100.0, 100.0),
     ("pulse lengths less 1500 us", -500.0, 500.0),
     ("pulse lengths in us", 900.0, 2100.0),
 )
-_TOO_SMALL = {  # what values of a unit come in instead, so that they are taken as this many times too small
+_TOO_SMALL = {  # for values in a unit that makes them appear this many times too small
     "m3": ((1e6, "m3 in a column of cm3"), (1e3, "m3 in a column of litres")),
     "m": ((1e3, "m in a column of mm"),),
 }
-_TOO_LARGE = {"rad": (np.rad2deg(1.0), "degrees in a column of radians")}  # and as this many times too large
-_USED = 0.1  # share of its range that an actuator moves through in a log, at least; less may be noise
-_RESOLVED = 1e-5  # of its range, finer than a sensor of 16 bits can tell it
+_TOO_LARGE = {"rad": (np.rad2deg(1.0), "degrees in a column of radians")}  # and this many times too large
+_USED = 0.1  # share of its range through which an actuator moves in a log, at least; less may be noise
+_RESOLVED = 1e-5  # of its range; a sensor of 16 bits cannot resolve less
 _FEEBLE = 25.0 / 400.0  # of full command; Blue Robotics' Basic ESC rests from 1475 to 1525 us, of 1100 to 1900 us
-_MOVES = 0.01  # of the distance of its ends, by which the command of a thruster goes up and down at least
-DEEP = 10.0  # m, below which waves and what a vehicle does at the surface act no more
-_AT_SURFACE, _SURFACED = 2.0, 3  # m; samples above it, of a vehicle that comes up
+_MOVES = 0.01  # of the distance of its ends; smallest movement of a thruster's command
+DEEP = 10.0  # m; below this, waves and manoeuvres at the surface have no effect
+_AT_SURFACE, _SURFACED = 2.0, 3  # m, and samples above it in a log of a vehicle that surfaces
 _USUAL = {
     "piston_m": 1e-2,
     "oil_volume_m3": 1e-5,
@@ -50,7 +50,7 @@ _USUAL = {
 
 
 def needs_of(plant: Plant) -> Needs:
-    """The channels that a vehicle takes from a log, and the angle of attack of its glide where it has a polar."""
+    """The channels that a vehicle needs from a log, and the angle of attack of its glide if it has a polar."""
     family, attack = plant.family, None
     for part in family.body.parts if family.body else ():
         polar = part.found.polar and part.found.polar(getattr(plant.parameters.parts, part.name))
@@ -58,14 +58,14 @@ def needs_of(plant: Plant) -> Needs:
             drag_0, drag_2, lift_1, lift_0 = polar
             attack = partial(glide_attack, drag_0=drag_0, drag_2=drag_2, lift_1=lift_1, lift_0=lift_0)
     wanted = tuple(dict.fromkeys((*plant.inputs, *plant.outputs)))
-    # a body that needs no single input still needs what moves it, or any log would be one of it
+    # a body without a required input still needs an actuator; otherwise any log would do
     return Needs(tuple(dict.fromkeys((family.leading, *(family.required or family.actuators)))), wanted, attack)
 
 
 def check_ranges(plant: Plant, record: Record, few: float = 0.0) -> None:
-    """Raises if a channel leaves the range that the vehicle states for it, or fills so little that its unit is another.
+    """Raise if a channel leaves the range that the vehicle states, or moves so little that its unit must be wrong.
 
-    few: share of the samples that may be beyond it, as single wild readings are; `described` leaves them out.
+    few: share of samples that may be outside, as occasional wild readings are; `described` leaves them out.
     """
     _check_spans(plant, record)
     for name, (least, most, slack, beyond) in _ranges(plant, record).items():
@@ -80,7 +80,7 @@ def check_ranges(plant: Plant, record: Record, few: float = 0.0) -> None:
             neutral = value_at(plant, path) if (path := plant.family.constants.get(name)) else 0.0
             if neutral != 0.0:
                 mended[f"; it looks mirrored about its neutral {neutral:.4g}"] = 2.0 * neutral - values
-            # a unit makes values a million times larger; those a few times too large are of another engine
+            # a wrong unit makes values a million times larger; a few times larger means another engine
             if channel(name).unit == "m3" and np.abs(values).max() > 1e3 * max(abs(lowest), abs(highest)):
                 mended["; it looks like cm3 (a name that ends in _cm3)"] = 1e-6 * values
             other = f", and whether {plant.name} is the right vehicle"
@@ -94,7 +94,7 @@ def check_ranges(plant: Plant, record: Record, few: float = 0.0) -> None:
 
 
 def _check_spans(plant: Plant, record: Record) -> None:
-    """Raises if an actuator hardly moves, or is mostly beyond its range, and would fit it in another unit."""
+    """Raise if an actuator hardly moves or is mostly out of range, and would fit its range in another unit."""
     for name, (least, most) in _actuator_ranges(plant).items():
         values = record[name][np.isfinite(record[name])] if record.has(name) else np.empty(0)
         span, width = float(np.ptp(values)) if values.size else 0.0, most - least
@@ -111,7 +111,7 @@ def _check_spans(plant: Plant, record: Record) -> None:
             )
         for factor, words in _TOO_SMALL.get(unit, ()):
             fills = _USED * width <= factor * span <= (1.0 + 2.0 * _TOLERANCE) * width
-            # a small one may be noise about a resting place, unless no sensor is so fine, or it rests at zero alone
+            # a small signal may be noise at rest, unless it is finer than any sensor, or rests at zero only
             if fills and (
                 span < _RESOLVED * width or (lowest <= factor * values.min() and factor * values.max() <= highest)
             ):
@@ -123,7 +123,7 @@ def _check_spans(plant: Plant, record: Record) -> None:
 
 
 def _actuator_ranges(plant: Plant) -> dict[str, tuple[float, float]]:
-    """The least and most of each actuator, as the vehicle's own parameters state them."""
+    """The lower and upper limit of each actuator, as the vehicle's own parameters state them."""
     found = {
         name: (value_at(plant, low), value_at(plant, high))
         for name, (low, high) in plant.family.ranges.items()
@@ -136,7 +136,7 @@ def _actuator_ranges(plant: Plant) -> dict[str, tuple[float, float]]:
 
 
 def _ranges(plant: Plant, record: Record) -> dict[str, tuple[float, float, float, np.ndarray]]:
-    """The least and most that the family states of each channel, by how much a reading may leave it, and which do."""
+    """The family's limits of each channel with their tolerance, and a mask of the readings beyond."""
     found = {}
     for name, edges in plant.family.ranges.items():
         if record.has(name):
@@ -147,7 +147,7 @@ def _ranges(plant: Plant, record: Record) -> dict[str, tuple[float, float, float
 
 
 def _wild(plant: Plant, record: Record) -> dict[str, np.ndarray]:
-    """Masks of the few readings that are beyond their channel's range, by what they are."""
+    """Masks of the few readings that are beyond their channel's range, by their description."""
     return {
         f"where {name} is beyond {least:g} to {most:g}{_unit(name)}": mask
         for name, (least, most, _, mask) in _ranges(plant, record).items()
@@ -156,7 +156,7 @@ def _wild(plant: Plant, record: Record) -> dict[str, np.ndarray]:
 
 
 def refusal(plant: Plant, record: Record) -> str:
-    """Why a diagnosis would refuse a record as one of this vehicle; '' where it would not, or a channel is missing."""
+    """Why a diagnosis would refuse a record for this vehicle; '' if it would not, or if a channel is missing."""
     if not all(record.has(name) for name in (plant.family.leading, *plant.family.required)):
         return ""
     record = commanded(plant, record)
@@ -169,7 +169,7 @@ def refusal(plant: Plant, record: Record) -> str:
 
 
 def commanded(plant: Plant, record: Record) -> Record:
-    """The samples in which all inputs are known that a record has: a diagnosis leaves out those before, too."""
+    """The samples in which all inputs of a record are known; a diagnosis also leaves out those before."""
     known = np.isfinite(record.matrix([name for name in plant.inputs if record.has(name)])).all(axis=1)
     return record.select(known) if known.any() else record
 
@@ -186,9 +186,9 @@ def moving_commands(record: Record) -> list[str]:
 
 
 def surfaces(plant: Plant, record: Record) -> bool:
-    """Whether a record is mostly of the deep, with samples at the surface that the vehicle's kind does not leave out.
+    """Whether a record is mostly deep, with samples at the surface that the vehicle's kind does not leave out.
 
-    Also False where channels are missing, and for vehicles that are judged below the surface alone.
+    It is also False if channels are missing, and for vehicles that are only judged below the surface.
     """
     needed = (plant.family.leading, *plant.family.required)
     if plant.family.afloat is not None or not all(record.has(name) for name in ("depth_m", *needed)):
@@ -200,7 +200,7 @@ def surfaces(plant: Plant, record: Record) -> bool:
 
 
 def wrong_for(plant: Plant, record: Record) -> list[str]:
-    """Sentences on what is wrong with a record as one of this vehicle, for a first look; none where channels miss."""
+    """Sentences on what is wrong with a record for this vehicle, for a first look; none if channels are missing."""
     if not all(record.has(name) for name in (plant.family.leading, *plant.family.required)):
         return []
     if refused := refusal(plant, record):
@@ -211,7 +211,7 @@ def wrong_for(plant: Plant, record: Record) -> list[str]:
 
 
 def _check_commands(plant: Plant, record: Record) -> None:
-    """Raises if the commands of thrusters come in another unit: those that are not at rest are mostly out of range."""
+    """Raise if thruster commands are in another unit: those that are not at rest are mostly out of range."""
     rows = _thruster_commands(plant, record)
     moved = np.concatenate([np.empty(0), *(row.beyond[row.values != row.ends[1]] for row in rows)])
     if moved.sum() <= _MOSTLY * moved.size:
@@ -228,7 +228,7 @@ def _check_commands(plant: Plant, record: Record) -> None:
 
 
 def command_remarks(plant: Plant, record: Record) -> list[str]:
-    """Sentences on thrusters that a log moves beyond what they take or not at all, and on commands of no thruster."""
+    """Remarks on thrusters that a log moves beyond their range or not at all, and on commands without a thruster."""
     rows = _thruster_commands(plant, record)
     if not rows:
         return []
@@ -265,7 +265,7 @@ def command_remarks(plant: Plant, record: Record) -> list[str]:
 
 
 def convertible_commands(plant: Plant, names: Collection[str]) -> dict[str, Target]:
-    """What becomes of the channels of a log that hold thruster commands in another unit than the vehicle takes.
+    """Conversions for the channels of a log that hold thruster commands in another unit than the vehicle's.
 
     Full thrust astern and ahead is -1 and 1 in shares, -100 and 100 in percent, and 1100 and 1900 in pulses in us.
     """
@@ -282,7 +282,7 @@ def convertible_commands(plant: Plant, names: Collection[str]) -> dict[str, Targ
 
 @dataclass(frozen=True, eq=False)
 class _Commands:
-    """The logged commands of a thruster; ends: the lowest that it takes, that of rest, and the highest."""
+    """The logged commands of a thruster; ends: its lowest, resting and highest command."""
 
     name: str
     values: np.ndarray
@@ -300,7 +300,7 @@ class _Commands:
 
     @property
     def strongest(self) -> float:
-        """The command that is furthest from rest, as a share of that of full thrust."""
+        """The command furthest from rest, as a share of full thrust."""
         low, idle, high = self.ends
         shares = (self.values - idle) / np.where(self.values < idle, idle - low, high - idle)
         return float(np.abs(shares).max(initial=0.0))
@@ -312,7 +312,7 @@ class _Commands:
 
 
 def _thruster_commands(plant: Plant, record: Record) -> list[_Commands]:
-    """The commands of each thruster of a vehicle that a record has."""
+    """The commands in a record for each thruster of a vehicle."""
     body = plant.family.body
     if body is None or not body.thrusters:
         return []
@@ -323,7 +323,7 @@ def _thruster_commands(plant: Plant, record: Record) -> list[_Commands]:
 
 
 def _unit(name: str) -> str:
-    """A channel's unit with a blank before it; '' where it has none."""
+    """A channel's unit after a space; '' if it has none."""
     return f" {channel(name).unit}".removesuffix(" 1")
 
 
@@ -332,10 +332,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def check_excitation(plant: Plant, record: Record) -> None:
-    """Raises if the inputs that move the vehicle are constant throughout, or if what they move is.
-
-    Of several inputs, one that moves will do.
-    """
+    """Raise if all inputs that move the vehicle are constant throughout, or if what they move is."""
     still = []
     moving = plant.family.required or [name for name in plant.family.actuators if record.has(name)]
     if not moving:
@@ -360,11 +357,11 @@ def check_excitation(plant: Plant, record: Record) -> None:
 
 
 def described(plant: Plant, record: Record) -> Record:
-    """The samples of a record that the vehicle's family describes; notes say what is left out, and what is assumed.
+    """The samples of a record that the vehicle's family describes; notes say what is left out or assumed.
 
-    `elapsed_s` counts what is left out, since what grows with time goes on over it: from the beginning of the log, or
-    over all dives of a vehicle whose dives may differ (`Family.by_dive`).  Channels that never change are left out,
-    too, see `_never_read`.  Raises ValueError where nothing is left.
+    `elapsed_s` includes what is left out, since effects that grow with time continue there: it counts from the
+    beginning of the log, or over all dives of a vehicle whose dives may differ (`Family.by_dive`).  Channels that never
+    change are left out, too, see `_never_read`.  Raises ValueError if nothing is left.
     """
     lines = [
         f"The log has no {channel(name).label} ({name}): {plant.constants[name]:g}{_unit(name)} is assumed throughout."
@@ -393,9 +390,9 @@ def described(plant: Plant, record: Record) -> Record:
 
 
 def _never_read(plant: Plant, record: Record) -> list[str]:
-    """Outputs that are one number throughout, as a column that was filled in or a sensor that hangs.
+    """Outputs that are constant throughout, such as a filled column or a stuck sensor.
 
-    Without those that the vehicle needs: these are refused (`check_excitation`).
+    Outputs that the vehicle needs are not included: they are refused (`check_excitation`).
     """
     needed = {plant.family.leading, *plant.family.required, *plant.inputs}
     measured = {name: record[name] for name in plant.outputs if record.has(name) and name not in needed}
@@ -404,7 +401,7 @@ def _never_read(plant: Plant, record: Record) -> list[str]:
 
 
 def _left_out(plant: Plant, found: Mapping[str, np.ndarray]) -> str:
-    """A sentence on the samples that a vehicle does not describe, by what they are; each counts once."""
+    """A sentence on the samples that a vehicle does not describe, by reason; each sample counts once."""
     counted, shares = np.zeros(1, dtype=bool), []
     for words, mask in found.items():
         share, counted = float(np.mean(mask & ~counted)), counted | mask
@@ -416,12 +413,12 @@ def _left_out(plant: Plant, found: Mapping[str, np.ndarray]) -> str:
 
 
 def _percent(share: float) -> str:
-    """A share in percent, with a figure also where it is small."""
+    """A share in percent, with a nonzero digit even if it is small."""
     return f"{100.0 * share:.0f} %" if share >= 0.005 else f"{100.0 * share:.1g} %"
 
 
 def _not_described(plant: Plant, record: Record) -> dict[str, np.ndarray]:
-    """Masks of the samples that the family does not describe, by what they are."""
+    """Masks of the samples that the family does not describe, by reason."""
     found: dict[str, np.ndarray] = {}
     needed = (plant.family.leading, *plant.family.required)
     for name in needed:

@@ -1,12 +1,12 @@
 """Integration of any vehicle family: RK4, one sample interval, and the rollout over windows of a record.
 
-The functions here are templates: names in capitals, `physics` and `records` are open, and `bind_family` gives them
-their meaning. A full state vector is
+The functions here are templates: `bind_family` supplies the names in capitals, `physics` and `records`. A full state
+vector is
 
     [states | actuator positions | their memories (backlash, stiction) | sensor states | past shaped commands]
 
-The oldest commands come first. Commands are held over a sample. A delayed command switches inside a sample; the
-interval is cut there, so that the result is smooth in the dead time. Actuators move in closed form, see
+with the oldest commands first. Commands are held over a sample. A delayed command switches inside a sample; the
+interval is split there, so that the result is smooth in the dead time. Actuators move in closed form, see
 `physics.actuators.travel`.
 """
 
@@ -27,22 +27,22 @@ from auv_gym.physics.rotations import into_chart, into_level_chart, out_of_chart
 from auv_gym.records.attitude import ANGLES
 from auv_gym.vehicles.family import Family, RightHandSide
 
-_ARRIVED = 1e-9  # s before its target where an actuator counts as there
+_ARRIVED = 1e-9  # s before reaching its target; closer than this, an actuator counts as there
 
 
 @dataclass(frozen=True, eq=False)
 class Records:
-    """The named numbers of derived parameters and of the work array."""
+    """Views of derived parameters and of the work array as named fields."""
 
     parameters: Callable[[Any], Any]
     work: Callable[[Any], Any]
 
 
-# Open in the templates, which call each other by name.
+# Placeholders in the templates, which call each other by name.
 physics: RightHandSide = OPEN
 records: Records = OPEN
 STATES = INTEGRATED = ACTUATORS = SENSORS = OUTPUTS = INPUTS = PARAMETERS = DERIVED = WORK = BLOCK = MOVES = 0
-ATTITUDE = SENSED = -1  # where roll, pitch and heading begin among the states and among the outputs; -1 where not
+ATTITUDE = SENSED = -1  # index of roll, pitch and heading among the states and among the outputs, or -1
 
 
 def rk4(h, inputs, p, room):
@@ -55,7 +55,7 @@ def rk4(h, inputs, p, room):
     for i in range(INTEGRATED):
         y[i] = z[i]
         total[i] = 0.0
-    for stage in range(4):  # a loop, so that the derivative is compiled into it once
+    for stage in range(4):  # a loop, so that the derivative is compiled only once
         physics.derivative(y, path[(stage + 1) // 2], inputs, p, slope, terms)
         weight = 2.0 if stage == 1 or stage == 2 else 1.0
         reach = 0.5 * h if stage < 2 else h
@@ -69,12 +69,12 @@ def rk4(h, inputs, p, room):
 def interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work):
     """Advance x in place from t0 = times[k] to t1, in equal, stable steps of at most `longest_step` between switchings.
 
-    What is stable is asked again after BLOCK steps.  Where masses move in the vehicle (MOVES), steps end where one
+    The stable step is computed again after BLOCK steps.  If masses move in the vehicle (MOVES), steps end when one
     arrives, and `kick` gives the vehicle the jump of velocity with which a mass starts and stops.
 
     shaped: (n, ACTUATORS) shaped commands, of which rows first..k are known; before row `first` its value is held.
-    longest_step: s; 0 moves the actuators only, to find where they stand at the start of a window.
-    Times are those of the log; a second of the vehicle takes `pace` of them.
+    longest_step: s; 0 moves only the actuators, to find their positions at the start of a window.
+    Times are those of the log's clock; a second of the vehicle takes `pace` of its seconds.
     """
     pace, behind = 1.0 + p.effects.clock.rate, p.effects.clock.delay
     position = x[STATES : STATES + ACTUATORS]
@@ -104,7 +104,7 @@ def interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work):
                     t_next = min(t_next, t + pace * way)
         pieces = 1
         if longest_step > 0.0:
-            # a fit may try coefficients that are too quick for the vehicle's step; fifty times shorter will do
+            # a fit may try coefficients too fast for the vehicle's step; a fifty times shorter step is the limit
             step = max(min(longest_step, physics.stable_step(z, inputs, p)), 0.02 * longest_step)
             pieces = max(ceil((t_next - t) / (pace * step) - 1e-9), 1)
         h = (t_next - t) / pieces
@@ -135,13 +135,13 @@ def interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work):
 
 
 def step(x, inputs, times, longest_step, derived, work):
-    """Advance the full state x in place by a sample; times: s, of the commands kept in x, ending at 0, then its end.
+    """Advance the full state x in place by a sample; times: s, of the commands in x, ending at 0, then its end.
 
     work: scratch, see `scratch_for`.
     """
     p = records.parameters(derived)
     history = times.shape[0] - 1
-    oldest = np.int64(0)  # a bare 0 is a type of its own to numba, for which `interval` would be compiled once more
+    oldest = np.int64(0)  # numba would compile `interval` again for a literal 0
     memory = x[STATES + ACTUATORS : STATES + 2 * ACTUATORS]
     past = x[STATES + 2 * ACTUATORS + SENSORS :].reshape((history, ACTUATORS))
     for i in range(history - 1):
@@ -152,23 +152,23 @@ def step(x, inputs, times, longest_step, derived, work):
 
 
 def read(x, derived, y):
-    """Outputs of a full state into y."""
+    """Write the outputs of a full state into y."""
     p = records.parameters(derived)
     sensors = x[STATES + 2 * ACTUATORS : STATES + 2 * ACTUATORS + SENSORS]
     physics.output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, y)
 
 
 def settle(x, derived):
-    """The sensors' states in a full state, in place, as after a long time at its present rates."""
+    """Set the sensors' states in a full state, in place, as after a long time at its present rates."""
     sensors = x[STATES + 2 * ACTUATORS : STATES + 2 * ACTUATORS + SENSORS]
     physics.settle_sensors(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, records.parameters(derived))
 
 
 def drive(times, inputs, first, begin, stop, x, shaped, positions, p, work):
-    """Shaped commands and actuator positions at some rows of a record, (n, ACTUATORS) each, from the commands alone.
+    """Compute shaped commands and actuator positions at some rows of a record, (n, ACTUATORS), from the commands.
 
-    first: (n,) row at which each row's segment starts; there the actuators stand where they are told to.
-    begin, stop: the rows; x: full state, whose actuators are as the row before `begin` has left them.
+    first: (n,) row at which each row's segment starts; there the actuators are at their commands.
+    begin, stop: the rows; x: full state, with the actuators as left by the row before `begin`.
     """
     memory = x[STATES + ACTUATORS : STATES + 2 * ACTUATORS]
     still = True
@@ -180,7 +180,7 @@ def drive(times, inputs, first, begin, stop, x, shaped, positions, p, work):
         if fresh:
             for j in range(ACTUATORS):
                 memory[j] = inputs[k, j]
-            physics.shape(inputs[k], memory, p, shaped[k])  # a play that starts in its middle
+            physics.shape(inputs[k], memory, p, shaped[k])  # the play starts in its middle
             for j in range(ACTUATORS):
                 memory[j] = shaped[k, j]
         physics.shape(inputs[k], memory, p, shaped[k])
@@ -195,7 +195,7 @@ def drive(times, inputs, first, begin, stop, x, shaped, positions, p, work):
 
 @compiled
 def corrected_by(number, gains, row, j, error):
-    """The number of a row's j-th state, moved by its gains, (rows, N, C), times errors."""
+    """The value of a row's j-th state, corrected by gains, (rows, N, C), times errors."""
     for c in range(error.shape[0]):
         number += gains[row, j, c] * error[c]
     return number
@@ -205,10 +205,10 @@ def along(
     derived, starts, begin, stop, carried, constant, times, inputs, first, references, longest_step,
     stride, shares, shaped, positions, measured, gains, moved, told, kicks, decays, y, after,
 ):  # fmt: skip
-    """Outputs of a vehicle over windows of a record into y, (rows, OUTPUTS); its actuators are where `drive` has them.
+    """Write the outputs of a vehicle over windows of a record into y, (rows, OUTPUTS), with given actuator positions.
 
-    derived: its parameters, with what follows from them.  shaped, positions: (n, ACTUATORS) each, see `drive`.
-    starts: (W, F) or (W, STATES).  after: (rows, F), or none of it.  All else: see `rollout`.
+    derived: its parameters and what follows from them.  shaped, positions: (n, ACTUATORS) each, see `drive`.
+    starts: (W, F) or (W, STATES).  after: (rows, F), or empty.  All else: see `rollout`.
     """
     n, p = times.shape[0], records.parameters(derived)
     pushed = kicks.shape[0]
@@ -219,8 +219,8 @@ def along(
     push = np.empty(pushed)
     error, out = np.empty(told.shape[0]), np.empty(OUTPUTS)
     corrected, single = gains.shape[0] > 0, stride == 1
-    charted = ATTITUDE >= 0 and SENSED >= 0 and references.shape[0] > 0  # rows are then of one sample
-    attitude = x[ATTITUDE : ATTITUDE + 3]  # Euler angles, but while something is added to them in the row's chart
+    charted = ATTITUDE >= 0 and SENSED >= 0 and references.shape[0] > 0  # rows then have one sample
+    attitude = x[ATTITUDE : ATTITUDE + 3]  # Euler angles, except while a correction is added in the row's chart
     row = 0
     for w in range(begin.shape[0]):
         k = begin[w]
@@ -301,22 +301,22 @@ def rollout(
     vectors, starts, begin, stop, carried, constant, times, inputs, first, references, longest_step,
     stride, shares, measured, gains, moved, told, kicks, decays, earlier, until, y, after,
 ):  # fmt: skip
-    """Outputs of runs over windows of a record, for several parameter vectors, into y; free, or corrected at every row.
+    """Write outputs of runs over windows of a record, for several parameter vectors, into y; free or corrected runs.
 
-    The state is [states | sensors | accelerations]; the accelerations act by their `kicks` and decay between rows.
+    The state is [states | sensors | accelerations]; the accelerations act through their `kicks` and decay between rows.
     vectors: (S, n_parameters), or longer by a table.  starts: (S or 1, W, F), F = STATES + SENSORS + D; or with states
-    alone, (S or 1, W, STATES), where sensors start settled.
+    alone, (S or 1, W, STATES); sensors then start settled.
     begin, stop: (W,) rows.  times: (n,) s.  inputs: (n, INPUTS).  first: (n,) row at which each row's segment starts.
-    references: (n, 4), quaternions from which attitudes are seen at each row, as rotation vectors, in starts, y, after
-    and all that is added to them; (0, 4) for Euler angles.
-    carried: (W,), whether the `constant` states (STATES,) go on from the window before.
-    stride: samples of a row, of which windows are whole multiples.  Outputs of a row of several are the sums of theirs
-    by `shares`, (n, OUTPUTS); it is corrected at its end, where the next row begins.
-    measured: (rows, OUTPUTS), NaN where nothing is.  gains: (rows, N, C), or none of them for free runs, of the `moved`
-    states, (N,), and of the outputs that `told` counts, (C,).
-    kicks: (D, 4), where accelerations act, or errors of readings that last; see `auv_gym.physics.pushes`.
+    references: (n, 4), quaternions relative to which attitudes are given at each row, as rotation vectors, in starts,
+    y, after and all corrections; (0, 4) for Euler angles.
+    carried: (W,), whether the `constant` states (STATES,) continue from the window before.
+    stride: samples of a row; windows are whole multiples of it.  Outputs of a row of several samples are their sums
+    weighted by `shares`, (n, OUTPUTS); the row is corrected at its end, where the next row begins.
+    measured: (rows, OUTPUTS), NaN without a reading.  gains: (rows, N, C), or empty for free runs, for the `moved`
+    states, (N,), and the outputs listed in `told`, (C,).
+    kicks: (D, 4), where accelerations or lasting sensor errors act; see `auv_gym.physics.pushes`.
     decays: (rows, D), of these to the next row.
-    earlier: (S, E, n_parameters), by which actuators have moved in rows up to `until`, (E,), one after the other.
+    earlier: (S, E, n_parameters), by which actuators moved in rows up to `until`, (E,), one after the other.
     y: (S, rows, OUTPUTS), before the correction.  after: (S, rows, F), one row later; not filled if S is 0.
     """
     n = times.shape[0]
@@ -332,16 +332,16 @@ def rollout(
 
 
 def move_actuators(earlier, vector, until, times, inputs, first, derived, shaped, positions):
-    """Shaped commands and actuator positions at all rows of a record, (n, ACTUATORS) each, see `drive`.
+    """Compute shaped commands and actuator positions at all rows of a record, (n, ACTUATORS) each, see `drive`.
 
-    By parameters `earlier`, (E or more, n_parameters), up to the rows `until`, (E,), and then by `vector`, which is
-    derived.
+    By parameters `earlier`, (E or more, n_parameters), up to the rows `until`, (E,), and then by `vector`, given by
+    `derived`.
     """
     x, work = np.empty(STATES + 2 * ACTUATORS + SENSORS), np.empty(WORK)
-    driven = np.int64(0)  # a plain 0 would be a constant, for which numba compiles another `drive`
+    driven = np.int64(0)  # numba would compile `drive` again for a literal 0
     for e in range(until.shape[0]):
         physics.derive(earlier[e], derived)
-        last = min(until[e], times.shape[0])  # a change may lie beyond the record
+        last = min(until[e], times.shape[0])  # a change may be beyond the end of the record
         drive(times, inputs, first, driven, last, x, shaped, positions, records.parameters(derived), work)
         driven = last
     physics.derive(vector, derived)
@@ -368,17 +368,17 @@ def scratch_for(family: Family) -> np.ndarray:
 
 
 def _work_type(family: Family) -> np.dtype:
-    """Work arrays as fields of one record: compiled code counts no references to these, at a third of a step's time."""
+    """Work arrays as fields of one record: counting references to each would cost a third of a step's time."""
     states, actuators = family.integrated, max(len(family.actuators), 1)
     rows: dict[str, tuple[int, ...]] = dict.fromkeys(("z", "before", "slope", "y", "total"), (states,))
-    # where masses move, the rates of the actuators lie behind their positions
+    # if masses move, the actuators' rates come after their positions
     rows |= {"terms": (max(family.scratch, 1),), "path": (3, 2 * actuators if family.moves else actuators)}
     rows |= dict.fromkeys(("target", "lags", "slownesses", "decays"), (actuators,))
     return np.dtype((np.record, [(name, np.float64, shape) for name, shape in rows.items()]))
 
 
 def _attitude_in(names: tuple[str, ...]) -> int:
-    """Where roll, pitch and heading begin, in this order, or -1."""
+    """Index of roll, pitch and heading, in this order, or -1."""
     at = names.index(ANGLES[0]) if ANGLES[0] in names else -1
     return at if names[at : at + 3] == ANGLES else -1
 
@@ -387,7 +387,7 @@ _BOUND: dict[str, Programs] = {}
 
 
 def bind_family(family: Family) -> Programs:
-    """The programs of a family; each is compiled when first called and found in the cache afterwards."""
+    """The programs of a family; each is compiled at its first call and found in the cache afterwards."""
     program = family.program or family.kind
     if program in _BOUND:
         return _BOUND[program]
@@ -408,7 +408,7 @@ def bind_family(family: Family) -> Programs:
     }
     views = Records(parameters=family.view, work=view_as(_work_type(family), f"{program}_work"))
     known: dict[str, Any] = {**sizes, "physics": namespace(family.hooks), "records": namespace(views)}
-    for template in (rk4, interval, drive):  # each after those that it calls
+    for template in (rk4, interval, drive):  # each comes after those that it calls
         known[template.__name__] = bind(template, program, **known)
     for template in (move_actuators, along):
         known[template.__name__] = bind(template, program, inline=False, **known)

@@ -1,4 +1,4 @@
-"""Vehicles whose numbers a log states: constants of the operators' model, written with each dive."""
+"""Vehicles with constants from a log: those of the operators' model, which are written with each dive."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from auv_gym.records.reading import find_log, open_log
 def vehicle_from_dive(path: str | os.PathLike, vehicle: str | os.PathLike = "seaglider") -> Plant:
     """The glider of a dive's file, with the constants that its operators state there (`sg_cal_`).
 
-    vehicle: a preset or a vehicle file, for what the file does not state.  Raises ValueError where it states nothing.
+    vehicle: a preset or a vehicle file, for what the file does not state.  Raises ValueError if the file states
+    nothing.
     """
     plant = load_vehicle(vehicle)
     found, changed = as_stated(plant, path)
@@ -28,9 +29,9 @@ def vehicle_from_dive(path: str | os.PathLike, vehicle: str | os.PathLike = "sea
 
 
 def as_stated(plant: Plant, path: str | os.PathLike) -> tuple[Plant, tuple[str, ...]]:
-    """The plant with the values that a log states in the place of its own, and the paths of these.
+    """The plant with the values that a log states instead of its own, and the paths of these.
 
-    Only vehicles that stand for a series are changed (`hull.as_logged`).  Raises ValueError on a value that cannot be.
+    Only vehicles that represent a series are changed (`hull.as_logged`).  Raises ValueError for an impossible value.
     """
     if plant.family.stated is None:
         return plant, ()
@@ -51,7 +52,7 @@ def as_stated(plant: Plant, path: str | os.PathLike) -> tuple[Plant, tuple[str, 
     if problem:
         raise ValueError(f"{file.name} states constants that cannot be of {plant.name}: {problem}.")
     notes = {**plant.notes, **dict.fromkeys(values, f"stated by {file.name}")}
-    # what is known of a coefficient is known in proportion
+    # the relative uncertainty of a coefficient stays the same
     scales = {name: abs(value_at(changed, name) / value_at(plant, name)) for name in values if name in plant.deviations}
     deviations = {name: scales.get(name, 1.0) * own for name, own in plant.deviations.items()}
     name = str(attrs.get("platform_id", plant.name)).lower()

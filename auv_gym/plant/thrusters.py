@@ -1,6 +1,6 @@
-"""The thrusters of a vehicle: what wrench their thrusts make, and which commands give which thrusts.
+"""The thrusters of a vehicle: the wrench of their thrusts, and the commands for given thrusts.
 
-All of it is that of the vehicle's own numbers, without effects, at the supply that these state.
+Everything refers to the vehicle's own numbers, without effects, at the supply voltage that these state.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from auv_gym.compiled import compiled
 from auv_gym.plant import Plant, without_effects
 
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")  # of a wrench: X, Y, Z in N, then K, M, N in N m
-_ORDER = (0, 1, 2, 5, 3, 4)  # in which axes are taken as long as the thrusters can serve them one by one
-_DEPENDENT = 1e-6  # of the largest arm or share of a force: an axis served by less follows from the others
+_ORDER = (0, 1, 2, 5, 3, 4)  # in which axes are selected, as long as the thrusters can serve them independently
+_DEPENDENT = 1e-6  # of the largest arm or share of a force; an axis served by less depends on the others
 
 
 @dataclass(frozen=True, eq=False)
 class Thrusters:
     """The thrusters of a plant, in the order of its inputs.
 
-    channels: their commands, and `at`, where these are among the inputs.  wrench: (6, n), body axes about the origin,
-    per N of each thrust.  curves: (n, m, 2), thrust in N and command in the channel's unit, both rising; a thrust of 0
-    stands at both edges of a dead zone, and rows at an end may repeat.  idle: (n,), the commands of no thrust.
+    channels: their commands, and `at`, their indices among the inputs.  wrench: (6, n), body axes about the origin, per
+    N of each thrust.  curves: (n, m, 2), thrust in N and command in the channel's unit, both rising; a thrust of 0
+    appears at both edges of a dead zone, and rows at an end may repeat.  idle: (n,), the commands of zero thrust.
     """
 
     channels: tuple[str, ...]
@@ -34,7 +34,7 @@ class Thrusters:
 
     @property
     def least(self) -> np.ndarray:
-        """The thrust of each that is farthest astern, N, (n,)."""
+        """The largest thrust astern of each, N, (n,)."""
         return self.curves[:, 0, 0]
 
     @property
@@ -43,16 +43,16 @@ class Thrusters:
         return self.curves[:, -1, 0]
 
     def commands(self, thrusts: np.ndarray) -> np.ndarray:
-        """The commands, in the channels' units, that give thrusts, N, (n,); held at the ends of the curves.
+        """The commands, in the channels' units, that give thrusts, N, (n,); limited to the ends of the curves.
 
-        Of commands that give the same thrust it is the one nearest to idle. What lies inside the jump of a dead zone
-        is given its edge.  Raises ValueError on another number of thrusts, and on one that is not finite.
+        Of commands with the same thrust, the one nearest to idle is used. A thrust inside the jump at a dead zone gets
+        the command of its edge.  Raises ValueError for another number of thrusts, or one that is not finite.
         """
         pairs = zip(self._one_each(thrusts, "thrusts in N").tolist(), self.curves, self.idle.tolist(), strict=True)
         return np.array([command_of_thrust(thrust, curve, idle) for thrust, curve, idle in pairs])
 
     def thrusts(self, commands: np.ndarray) -> np.ndarray:
-        """The thrusts, N, (n,), of commands in the channels' units; none inside a dead zone.  Raises as `commands`."""
+        """The thrusts, N, (n,), of commands in the channels' units; zero inside a dead zone.  Raises as `commands`."""
         found = np.empty(len(self.channels))
         for i, command in enumerate(self._one_each(commands, "commands")):
             thrust, at = self.curves[i].T
@@ -62,7 +62,7 @@ class Thrusters:
         return found
 
     def _one_each(self, values: np.ndarray, what: str) -> np.ndarray:
-        """The values, one for each thruster, as an array; raises ValueError where they are not."""
+        """The values, one for each thruster, as an array; raises ValueError if their number is wrong."""
         given, count = np.asarray(values, dtype=float), len(self.channels)
         if given.shape != (count,) or not np.isfinite(given).all():
             came = f"shape {given.shape}" if given.shape != (count,) else str(given.tolist())
@@ -72,13 +72,13 @@ class Thrusters:
         return given
 
     def share_within(self, thrusts: np.ndarray, about: np.ndarray | float = 0.0) -> float:
-        """The largest share, at most 1, of thrusts that all thrusters can add to those that they give, `about`."""
+        """The largest share, at most 1, of `thrusts` that all thrusters can add to their present thrusts `about`."""
         return float(share_within(np.asarray(thrusts, float), about + np.zeros(self.at.size), self.least, self.most))
 
 
 @compiled
 def command_of_thrust(thrust, curve, idle):
-    """The command that gives a thrust, N, by a curve (m, 2) of thrusts and commands, both rising; held at its ends."""
+    """The command for a thrust, by a curve (m, 2) of thrusts and commands, both rising; limited to its ends."""
     rows = curve.shape[0]
     if thrust == 0.0:
         return idle
@@ -141,7 +141,7 @@ def wrench_matrix(plant: Plant) -> np.ndarray:
 
 
 def find_thrusters(plant: Plant) -> Thrusters:
-    """The thrusters of a plant; raises where it has none."""
+    """The thrusters of a plant; raises if it has none."""
     parts = _parts(plant)
     if not parts:
         raise ValueError(
@@ -166,9 +166,9 @@ def find_thrusters(plant: Plant) -> Thrusters:
 
 
 def served_axes(wrench: np.ndarray) -> tuple[str, ...]:
-    """The axes that thrusters with this matrix, (6, n), can serve one by one: surge, sway, heave, yaw, roll, pitch.
+    """The axes that thrusters with this matrix, (6, n), can serve independently: surge, sway, heave, yaw, roll, pitch.
 
-    Of axes that the thrusters serve only together, the earlier ones count.
+    Of axes that the thrusters can only serve together, the earlier ones count.
     """
     size = np.abs(wrench).max(axis=1)
     largest = np.where(np.arange(6) < 3, size[:3].max(), size[3:].max())
@@ -181,9 +181,9 @@ def served_axes(wrench: np.ndarray) -> tuple[str, ...]:
 
 
 def allocation(wrench: np.ndarray) -> np.ndarray:
-    """The thrusts, N, per N or N m of a wrench along `served_axes`, (n, axes), smallest in the sum of their squares.
+    """The thrusts, N, per N or N m of a wrench along `served_axes`, (n, axes), with the smallest sum of squares.
 
-    What the thrusts do on other axes is left to them.
+    The effect on other axes is left free.
     """
     return np.linalg.pinv(wrench[[AXES.index(axis) for axis in served_axes(wrench)]])
 
@@ -194,7 +194,7 @@ def _parts(plant: Plant) -> tuple:
 
 
 def _rising(thrusts: np.ndarray, commands: np.ndarray) -> np.ndarray:
-    """Rows of thrust and command whose thrusts rise, of equal ones those nearest to no thrust, (m, 2)."""
+    """Rows of thrust and command with rising thrusts; of equal thrusts, those nearest to zero thrust, (m, 2)."""
     ahead, astern = thrusts > 0.0, thrusts < 0.0
     zero = ~(ahead | astern)
     ahead[1:] &= thrusts[1:] > thrusts[:-1]

@@ -1,4 +1,4 @@
-"""Vehicle files: read into a `Plant`, and written so that reading gives the same plant, bit for bit."""
+"""Vehicle files: reading them into a `Plant`, and writing them so that reading gives the same plant, bit for bit."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def list_vehicles() -> dict[str, str]:
 
 
 def load_vehicle(name: str | os.PathLike, dt: float | None = None) -> Plant:
-    """The plant of a preset name or a vehicle file (TOML); raises with what is wrong in it, by key.
+    """The plant of a preset name or a vehicle file (TOML); raises an error that says what is wrong, by key.
 
     Example:
 
@@ -74,7 +74,7 @@ def save_vehicle(plant: Plant, path: str | os.PathLike, notes: Mapping[str, str]
 
 
 def vehicle_text(plant: Plant, notes: Mapping[str, str] | None = None) -> str:
-    """A vehicle file's text; of a learned hull it says nothing."""
+    """The text of a vehicle file; a learned hull is not included."""
     notes = {**plant.notes, **(notes or {})}
     lines = [
         f'family = "{plant.family.name}"',
@@ -106,12 +106,12 @@ def vehicle_text(plant: Plant, notes: Mapping[str, str] | None = None) -> str:
 
 
 def vehicle_of_text(text: str, origin: str) -> Plant:
-    """The plant of a vehicle file's text; raises with what is wrong in it, by key."""
+    """The plant of a vehicle file's text; raises an error that says what is wrong, by key."""
     return _parse(text, origin)
 
 
 def _quoted(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")  # JSON's escapes are TOML's, but for DEL
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")  # JSON's escapes are TOML's, except for DEL
 
 
 def _parse(text: str, origin: str) -> Plant:
@@ -208,7 +208,7 @@ def _given(values: Mapping[str, float], paths: Sequence[str]) -> dict[str, float
 
 
 def _prime_scale(parameters: Any, path: str, unit: str) -> float:
-    """What makes a coefficient of the prime system dimensional: rho L^n / 2, where its unit is kg m^(n - 3)."""
+    """The factor that makes a coefficient of the prime system dimensional: rho L^n / 2 for the unit kg m^(n - 3)."""
     powers = {"kg/m": 2, "kg": 3, "kg m": 4, "kg m^2": 5, "kg m^3": 6}
     if unit not in powers or not hasattr(parameters.hull, "length"):
         raise ValueError(f"{path} is in {unit}, which has no prime form: give the value in {unit}.")
