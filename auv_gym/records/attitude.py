@@ -1,7 +1,7 @@
-"""Attitudes as quaternions in records: frames, continuity, interpolation, and the angles that follow from them.
+"""Attitudes as quaternions in records: frames, continuity, interpolation, and the resulting angles.
 
-A quaternion (w, x, y, z) turns vectors from the body axes forward, starboard, down to north, east, down.  It has no
-singularity: heading and roll are not told apart at a pitch of 90 degrees, the quaternion stays exact there.
+A quaternion (w, x, y, z) rotates vectors from the body axes forward, starboard, down to north, east, down.  It has no
+singularity: at a pitch of 90 degrees, heading and roll cannot be separated, but the quaternion is exact.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ QUATERNION: Final = ("quaternion_w", "quaternion_x", "quaternion_y", "quaternion
 QUATERNION_ENU_FLU: Final = (
     *("quaternion_enu_flu_w", "quaternion_enu_flu_x", "quaternion_enu_flu_y", "quaternion_enu_flu_z"),
 )
-STEEP = 1.0  # rad of pitch, from which on rates of heading are about twice those of the body, 1/cos(1) = 1.85
-_LEAST = 0.5  # norm below which four numbers are no attitude, but a message that was never filled in
+STEEP = 1.0  # rad of pitch, above which heading rates are about twice the body's rates, 1/cos(1) = 1.85
+_LEAST = 0.5  # norm below which four numbers are an unfilled message instead of an attitude
 
 
 def from_enu_flu(quaternion: ArrayLike) -> np.ndarray:
-    """The same attitudes, (n, 4), from axes forward, port, up and east, north, up, as ROS has them (REP 103)."""
+    """The same attitudes, (n, 4), converted from ROS axes (REP 103): forward, port, up and east, north, up."""
     from scipy.spatial.transform import Rotation
 
     enu_to_ned = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
@@ -38,7 +38,7 @@ def from_enu_flu(quaternion: ArrayLike) -> np.ndarray:
 
 
 def proper(quaternion: ArrayLike) -> np.ndarray:
-    """Quaternions of norm 1, (n, 4); NaN where the norm is far from it, as in messages that hold none."""
+    """Quaternions of norm 1, (n, 4); NaN if the norm is far from 1, as in messages without an attitude."""
     q = np.array(quaternion, dtype=float)
     norm = np.linalg.norm(q, axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -46,7 +46,7 @@ def proper(quaternion: ArrayLike) -> np.ndarray:
 
 
 def continuous(quaternion: ArrayLike) -> np.ndarray:
-    """The same attitudes with signs such that each lies next to the one before; q and -q are one attitude."""
+    """The same attitudes, with signs chosen so that each is closest to the previous one; q and -q are one attitude."""
     q = np.array(quaternion, dtype=float)
     known = np.flatnonzero(np.isfinite(q).all(axis=1))
     if known.size > 1:
@@ -57,7 +57,7 @@ def continuous(quaternion: ArrayLike) -> np.ndarray:
 
 
 def interpolated(at: np.ndarray, time: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
-    """Attitudes at other times, (m, 4), along the shortest turn between neighbours; the ends are held."""
+    """Attitudes at other times, (m, 4), along the shortest rotation between neighbours; constant beyond the ends."""
     from scipy.spatial.transform import Rotation, Slerp
 
     if time.size == 1:
@@ -68,9 +68,9 @@ def interpolated(at: np.ndarray, time: np.ndarray, quaternion: np.ndarray) -> np
 
 
 def turns_far(roll: np.ndarray, pitch: np.ndarray) -> bool:
-    """Whether attitudes, (n,), leave the region in which Euler angles go on smoothly: steep pitch, or roll that jumps.
+    """Whether attitudes, (n,), leave the region of smooth Euler angles: steep pitch, or jumps of roll.
 
-    Past the vertical roll and heading jump by half a turn, and an angle that is wrapped by a whole one.
+    Beyond the vertical, roll and heading jump by half a turn; a wrapped angle jumps by a whole turn.
     """
     steep = np.abs(wrap(pitch)) > STEEP
     jumps = np.abs(np.diff(roll)) > 0.5 * np.pi
@@ -78,7 +78,7 @@ def turns_far(roll: np.ndarray, pitch: np.ndarray) -> bool:
 
 
 def from_angles(roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> np.ndarray:
-    """Quaternions, (n, 4), of roll, pitch and heading, rad, (n,) each; each lies next to the one before."""
+    """Quaternions, (n, 4), of roll, pitch and heading, rad, (n,) each; each is closest to the previous one."""
     from scipy.spatial.transform import Rotation
 
     turned = Rotation.from_euler("ZYX", np.column_stack([heading, pitch, roll]))
@@ -86,7 +86,7 @@ def from_angles(roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> np.nda
 
 
 def turns(quaternion: np.ndarray) -> np.ndarray:
-    """The turn from each attitude to the next, (n - 1, 3), rad, as rotation vectors about the body axes."""
+    """The rotation from each attitude to the next, (n - 1, 3), rad, as rotation vectors about the body axes."""
     from scipy.spatial.transform import Rotation
 
     attitude = Rotation.from_quat(quaternion, scalar_first=True)
@@ -94,21 +94,21 @@ def turns(quaternion: np.ndarray) -> np.ndarray:
 
 
 def unrolled(quaternion: np.ndarray) -> np.ndarray:
-    """The sum of all turns up to each attitude, (n, 3), rad: what gyros without errors would integrate to."""
+    """The sum of all rotations up to each attitude, (n, 3), rad: the integral of error-free gyros."""
     return np.concatenate([np.zeros((1, 3)), np.cumsum(turns(quaternion), axis=0)])
 
 
 def interpolated_angles(at: np.ndarray, time: np.ndarray, table: np.ndarray) -> np.ndarray:
-    """Roll, pitch and heading, (m, 3), at other times along the shortest turns between rows of a table, (n, 3)."""
+    """Roll, pitch and heading, (m, 3), at other times along the shortest rotations between rows of a table, (n, 3)."""
     quaternion = interpolated(at, time, from_angles(*table.T))
     return np.unwrap(np.column_stack(angles(quaternion)), axis=0)
 
 
 def angles(quaternion: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Roll, pitch and heading, rad, (n,) each, of attitudes (n, 4); together they give the attitude back.
+    """Roll, pitch and heading, rad, (n,) each, of attitudes (n, 4); together they define the attitude again.
 
-    Where the bow points straight up or down, each of roll and heading alone is arbitrary; see
-    `auv_gym.physics.frames.euler_angles_of`, of which this is the form for arrays.
+    If the bow points straight up or down, roll and heading are each arbitrary; this is the array form of
+    `auv_gym.physics.frames.euler_angles_of`.
     """
     w, x, y, z = np.array(quaternion, dtype=float).T
     heading = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))

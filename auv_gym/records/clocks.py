@@ -1,4 +1,4 @@
-"""The time of the rows of a table: by the mapping, by a column's name, or by what a column holds."""
+"""The time of the rows of a table, from the mapping, a column's name, or a column's content."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from auv_gym.records.naming import looks_like
 _CLOCKS = frozenset(
     {"time", "timestamp", "t", "seconds", "secs", "sec", "elapsed", "epoch", "unix", "unixtime", "datenum"}
 )
-_DATES = frozenset({"date", "date_utc", "utc_date"})  # beside a column with the time of day
+_DATES = frozenset({"date", "date_utc", "utc_date"})  # names of columns beside one with the time of day
 _STAMPED = frozenset({"time", "date", "datetime", "timestamp", "stamp", "utc", "gmt", "zulu", "clock"})
-_SUFFIXES = {  # units of counts of time, s: timestamp_ms, Time [us] and the like
+_SUFFIXES = {  # units of numeric times, s: timestamp_ms, Time [us] and the like
     "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "µs": 1e-6, "d": 86400.0, "days": 86400.0,
 }  # fmt: skip
 _DAY = 86400.0  # s
-# of counts of days: the least and the largest of this century and the last, that of 1970, and whose they are
+# numeric days: lowest and highest count of this century and the last, that of 1970, and who uses them
 _DAYS = ((6.9e5, 7.7e5, 719529.0, "MATLAB"), (2e4, 7.4e4, 25569.0, "spreadsheets"))
 _WITH_MONTH, _WITH_SLASHES = re.compile(r"\d{1,2}-[A-Za-z]{3}-\d{4} "), re.compile(r"\d{4}/\d{2}/\d{2}\b")
 _DAY_OR_MONTH = re.compile(r"\s*\d{1,2}([./-])\d{1,2}\1\d{2,4}\b")  # first, as in 10/03/2024
 YEAR_FIRST = "Write them with the year first, as in 2024-03-10T08:00:00."
-_QUICK = 1e-3  # between rows: as seconds no vehicle is sampled so fast, as days a minute and a half
+_QUICK = 1e-3  # between rows: too fast for seconds of any vehicle's log; in days, a minute and a half
 _SECONDS = Target("time_s")
 _EPOCHS = ((1e17, 1e-9, "nanoseconds"), (1e14, 1e-6, "microseconds"), (1e11, 1e-3, "milliseconds"))
 
 
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """The column of a table that holds time.  times: s, (n,).  target: what a mapping makes of the column's numbers."""
+    """The column of a table that holds time.  times: s, (n,).  target: how a mapping converts the column's numbers."""
 
     column: str
     times: np.ndarray
@@ -43,9 +43,9 @@ class Clock:
 
 
 def clocks_of(log: Log, names: Names, notes: list[str]) -> dict[str, Clock]:
-    """The clock of each group that does not come with its times.
+    """The clock of each group that comes without times.
 
-    A group without a time is left out with a note; raises where no group has one.
+    A group without a time is left out with a note; raises if no group has one.
     """
     found, problems = {}, []
     for group in log.groups:
@@ -61,7 +61,7 @@ def clocks_of(log: Log, names: Names, notes: list[str]) -> dict[str, Clock]:
 
 
 def _clock(group: Group, names: Names, log: Log, notes: list[str]) -> Clock:
-    """The column of a table that holds time: by the mapping, by its name, or by what it holds."""
+    """The column of a table that holds time, by the mapping, by its name, or by its content."""
     columns = group.columns
     stated = [theirs for theirs, target in names.targets.items() if theirs in columns and target.name in TIMES]
     if len(stated) > 1:
@@ -78,7 +78,7 @@ def _clock(group: Group, names: Names, log: Log, notes: list[str]) -> Clock:
     for name, column in columns.items():
         if isinstance(column, list) and _STAMPED & set(_plain(name).split("_")) and _are_stamps(column):
             return _as_clock(name, columns, _SECONDS, notes)
-    words_first = sorted(columns.items(), key=lambda item: len(item[0]) == 1)  # a symbol only if no word is there
+    words_first = sorted(columns.items(), key=lambda item: len(item[0]) == 1)  # a one-letter symbol only without a word
     for name, column in words_first:
         bare = re.split(r"[\s\[(]", name.strip().lower())[0].rpartition(".")[2]
         stem, _, suffix = bare.rpartition("_")
@@ -106,12 +106,12 @@ def _as_clock(name: str, columns: Mapping[str, Column], target: Target, notes: l
 
 
 def _plain(name: str) -> str:
-    """The words of a column's name in lower case: `time_utc` of `Time (UTC)`."""
+    """The words of a column's name in lower case: `time_utc` for `Time (UTC)`."""
     return "_".join(re.findall(r"[a-z0-9]+", name.lower()))
 
 
 def _are_stamps(cells: list[str]) -> bool:
-    """Whether text holds times of day or dates with such, by its first cell."""
+    """Whether text holds times of day or dates with times, judged by its first cell."""
     first = next(filter(str.strip, cells), "").strip()
     try:
         return ":" in first and (_of_day([first]) is not None or _moment(first) is not None)
@@ -125,7 +125,7 @@ def _mostly_rises(column: np.ndarray) -> bool:
 
 
 def _in_unit(unit: str | None) -> Target | None:
-    """What a mapping makes of counts of time in a unit; None where it is not known as one."""
+    """The target for numeric times in a unit; None if the unit is not a known unit of time."""
     factor = _SUFFIXES.get(unit or "")
     if unit and factor is None:
         try:
@@ -138,10 +138,10 @@ def _in_unit(unit: str | None) -> Target | None:
 
 
 def _counted(called: str, column: np.ndarray, unit: str) -> tuple[Target, str]:
-    """What a mapping makes of counts of time, and their unit: the stated one, else by their size, else seconds.
+    """The target for numeric times, and their unit: the stated one; if none, by their size; otherwise seconds.
 
-    Counts of days, as MATLAB and spreadsheets have them, are told by their size, and by their name or by rows that are
-    closer than any in seconds.
+    Counts of days, as used by MATLAB and spreadsheets, are recognised by their size together with their name or a row
+    spacing too close for seconds.
     """
     if target := _in_unit(unit):
         return target, unit
@@ -155,14 +155,14 @@ def _counted(called: str, column: np.ndarray, unit: str) -> tuple[Target, str]:
 
 
 def _moment(cell: str) -> datetime:
-    """A date, of ISO 8601 also with slashes, or as MATLAB writes it, 31-May-2024 12:00:00; raises ValueError."""
+    """A date in ISO 8601 (slashes allowed) or in MATLAB's form, 31-May-2024 12:00:00; raises ValueError."""
     if _WITH_MONTH.match(cell):
         return datetime.strptime(cell, "%d-%b-%Y %H:%M:%S.%f" if "." in cell else "%d-%b-%Y %H:%M:%S")
     return datetime.fromisoformat(cell.replace("/", "-") if _WITH_SLASHES.match(cell) else cell)
 
 
 def _check_order(name: str, cell: str) -> None:
-    """Raises ValueError if a cell is a date that begins with a day or a month."""
+    """Raise ValueError if a cell is a date that begins with a day or a month."""
     if _DAY_OR_MONTH.match(cell):
         raise ValueError(
             f"Column {name!r} has dates such as {cell.strip()!r}, and which number is the day and which the month is "
@@ -171,7 +171,7 @@ def _check_order(name: str, cell: str) -> None:
 
 
 def _of_day(cells: list[str]) -> np.ndarray | None:
-    """Seconds since midnight of cells such as 13:05:20.5, NaN where empty; None if they are something else."""
+    """Seconds since midnight for cells such as 13:05:20.5, NaN if empty; None if they hold something else."""
     seconds = np.full(len(cells), np.nan)
     for row, cell in enumerate(cells):
         if cell.strip():
@@ -184,7 +184,7 @@ def _of_day(cells: list[str]) -> np.ndarray | None:
 
 
 def _with_dates(times: np.ndarray, columns: Mapping[str, Column], notes: list[str], name: str) -> np.ndarray:
-    """Times of day in s since 1970 by a column of dates, else since the first midnight, on through the next ones."""
+    """Times of day as s since 1970 if there is a column of dates, else since the first midnight, across later ones."""
     for other, dates in columns.items():
         if _plain(other) in _DATES and isinstance(dates, list):
             return _stamps(other, dates) + times
@@ -197,7 +197,7 @@ def _with_dates(times: np.ndarray, columns: Mapping[str, Column], notes: list[st
 
 
 def _stamps(name: str, cells: list[str]) -> np.ndarray:
-    """Dates as s since 1970, NaN where empty; UTC where they do not say."""
+    """Dates as s since 1970, NaN if empty; UTC if they do not state a zone."""
     seconds = np.full(len(cells), np.nan)
     for row, cell in enumerate(cells):
         if not cell.strip():

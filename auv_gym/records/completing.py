@@ -1,4 +1,4 @@
-"""Channels that follow from others of a log: angles from quaternions, true headings, depth from pressure."""
+"""Channels derived from others of a log: angles from quaternions, true headings, depth from pressure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from auv_gym.records.merging import Stream
 
 _ANGLES = ("roll_rad", "pitch_rad", "heading_rad")
 _MIDDLE = 45.0  # deg of latitude
-# For each channel, those that it may follow from where it was not measured.
+# For each channel, those from which it may be derived if it was not measured.
 SOURCES: Final[dict[str, tuple[str, ...]]] = {
     **dict.fromkeys(_ANGLES, (*QUATERNION, *QUATERNION_ENU_FLU)),
     "heading_rad": (*QUATERNION, *QUATERNION_ENU_FLU, "heading_magnetic_rad", "magnetic_variation_rad"),
@@ -29,10 +29,10 @@ SOURCES: Final[dict[str, tuple[str, ...]]] = {
 def completed(
     streams: Sequence[Stream], constants: Mapping[str, float], notes: list[str]
 ) -> tuple[list[Stream], dict[str, str]]:
-    """The streams with what follows from their channels, and in words how each of the new channels came about.
+    """The streams with channels derived from their own, and how each new channel was derived, in words.
 
-    constants: values that hold for the whole log, by channel: latitude_rad, magnetic_variation_rad.  What was measured
-    itself is not replaced.  Lines on what is doubtful go to the notes.
+    constants: values for the whole log, by channel: latitude_rad, magnetic_variation_rad.  Measured channels are not
+    replaced.  Warnings are added to the notes.
     """
     measured = {name for stream in streams for name in stream.values}
     derived: dict[str, str] = {}
@@ -96,10 +96,10 @@ def _depth(pressure: np.ndarray, place: _Place) -> tuple[np.ndarray, str]:
 def hydrography(
     values: Mapping[str, np.ndarray], streams: Sequence[Stream], constants: Mapping[str, float], notes: list[str]
 ) -> dict[str, np.ndarray]:
-    """Salinity and density in situ from a CTD's channels on one time base, where these were not measured.
+    """In-situ salinity and density from a CTD's channels on one time base, if these were not measured.
 
-    The pressure, where it was not measured, is that of the depth.  streams, constants: of the log, for its place.
-    Nothing without gsw (the extra `seawater`), and then a line in the notes.
+    If pressure was not measured, it is computed from depth.  streams, constants: of the log, for its location.
+    Empty without gsw (the extra `seawater`), with a line in the notes.
     """
     told = {"salinity_psu", "conductivity_Spm"} & set(values) and {"pressure_dbar", "depth_m"} & set(values)
     if not told or "temperature_C" not in values or {"salinity_psu", "density_kgpm3"} <= set(values):
@@ -127,7 +127,7 @@ def hydrography(
 
 @dataclass(frozen=True)
 class _Place:
-    """Where a log was made, deg, where that is known."""
+    """The location of a log, deg, if known."""
 
     latitude: float | None
     longitude: float | None

@@ -1,4 +1,4 @@
-"""The dataset behind a record: its marks and attributes, what it must hold, and the samples of it that are kept."""
+"""The dataset behind a record: markers and attributes, required content, and selection of samples."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 LABELS, NOTES, INTERVAL = "segment_labels", "notes", "interval_s"  # attributes
-UNREAD = ".unread"  # after a channel's name: a variable that is 1 where its value stands between readings
+UNREAD = ".unread"  # suffix of a channel's name: a variable that is 1 where a value lies between readings
 
 
 def is_channel(name: str) -> bool:
@@ -23,12 +23,12 @@ def is_channel(name: str) -> bool:
 
 
 def without_marks(dataset: xr.Dataset, names: Iterable[str]) -> xr.Dataset:
-    """The dataset without what says where values of these channels were filled in."""
+    """The dataset without the markers for filled-in values of these channels."""
     return dataset.drop_vars([name + UNREAD for name in names], errors="ignore")
 
 
 def dataset_of(variables: Mapping[str, Any], time: Any, attrs: Mapping[str, Any]) -> xr.Dataset:
-    import xarray as xr  # not above: with pandas it takes as long to import as all that an environment needs
+    import xarray as xr  # not at the top: importing pandas takes as long as all that an environment needs
 
     return xr.Dataset(variables, {"time_s": time}, attrs)
 
@@ -45,9 +45,9 @@ def vector(name: str, values: Any, size: int | None) -> np.ndarray:
 
 
 def selected(dataset: xr.Dataset, mask: np.ndarray, note: str | None, breaks: np.ndarray | None = None) -> xr.Dataset:
-    """The dataset of the samples in a mask, cut where it (or `breaks`) says, without segments of one sample.
+    """The dataset of the samples in a mask, cut where it breaks (or at `breaks`), without segments of one sample.
 
-    note: None counts what is dropped in the attribute `dropped`.
+    note: None counts the dropped samples in the attribute `dropped`.
     """
     ids, labels = dataset["segment"].values, dataset.attrs[LABELS]
     begins = np.ones(ids.size, dtype=bool)
@@ -86,7 +86,7 @@ def _nothing_left(dataset: xr.Dataset, mask: np.ndarray) -> str:
 
 
 def checked(dataset: xr.Dataset) -> xr.Dataset:
-    """The dataset in the form that a Record promises, its variables with units and names; raises where it cannot be."""
+    """The dataset in the form that a Record promises, with units and names; raises if that is impossible."""
     if "time_s" not in dataset.coords or dataset["time_s"].dims != ("time_s",):
         raise ValueError(f"A record needs a coordinate time_s along a dimension time_s, got {list(dataset.coords)}.")
     time = vector("time_s", dataset["time_s"].values, None)

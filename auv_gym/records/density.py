@@ -1,4 +1,4 @@
-"""The water's measured density as a channel of a record: profiles over depth, looked up along the vehicle's way."""
+"""The water's measured density as a channel of a record, looked up in profiles over depth along the vehicle's track."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ import numpy as np
 from auv_gym.channels import depth_from_pressure
 from auv_gym.records.record import Record
 
-_SLOPE_OVER = 10.0  # m over which the gradient is taken
+_SLOPE_OVER = 10.0  # m over which the gradient is computed
 _POSSIBLE = (950.0, 1100.0)  # kg/m^3, in situ, from hot fresh water to the deepest trench
 
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """Density in situ over depth: depth (n,), m, rising; density (n,), kg/m^3."""
+    """In-situ density over depth: depth (n,), m, rising; density (n,), kg/m^3."""
 
     depth: np.ndarray
     density: np.ndarray
 
     @classmethod
     def of(cls, label: str, depth: np.ndarray, density: np.ndarray) -> Profile:
-        """A profile of samples in any order, those without a value left out; raises if nothing is left."""
+        """A profile of samples in any order, without missing values; raises if nothing is left."""
         kept = np.isfinite(depth) & np.isfinite(density)
         depth, first = np.unique(depth[kept], return_index=True)
         density = density[kept][first]
@@ -39,7 +39,7 @@ class Profile:
         return cls(depth, density)
 
     def at(self, depth: np.ndarray) -> np.ndarray:
-        """Density at depths, kg/m^3; beyond its ends the profile goes on with the slope of its outer tenth."""
+        """Density at depths, kg/m^3; beyond its ends, the profile continues with the slope of its outer tenth."""
         d, r = self.depth, self.density
         outer = max(d.size // 10, 1)
         top, bottom = (r[outer] - r[0]) / (d[outer] - d[0]), (r[-1] - r[-1 - outer]) / (d[-1] - d[-1 - outer])
@@ -50,7 +50,7 @@ class Profile:
 def read_profiles(path: str | Path) -> dict[str, Profile]:
     """The density profiles in a CSV file with density_kgpm3 and depth_m or pressure_dbar, by the label of their dive.
 
-    A file without dive_id, segment or run holds one profile, under the label ''.  Raises on a missing column.
+    A file without dive_id, segment or run holds a single profile, with the label ''.  Raises if a column is missing.
     """
     from auv_gym.records.reading import read_columns
 
@@ -67,12 +67,13 @@ def read_profiles(path: str | Path) -> dict[str, Profile]:
 
 
 def with_density(record: Record, profiles: Mapping[str, Profile]) -> Record:
-    """The record with the density at its measured depth, its gradient there, and that depth, by segment.
+    """The record with the density at its measured depth, the gradient there, and that depth, by segment.
 
-    Channels density_kgpm3, density_gradient_kgpm4 and density_depth_m, from the profile of each segment's label.
+    The channels density_kgpm3, density_gradient_kgpm4 and density_depth_m come from the profile with the segment's
+    label.
 
-    A segment without a profile of its own takes that of the nearest segment that has one; a single profile serves all.
-    Raises if no label fits.
+    A segment without a profile uses that of the nearest segment that has one; a single profile serves all.
+    Raises if no label matches.
     """
     labels = record.labels
     having = [k for k, label in enumerate(labels) if label in profiles]

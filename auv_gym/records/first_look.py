@@ -1,4 +1,4 @@
-"""First contact with a log: what is in it, what is recognised, what looks wrong, and a mapping ready to edit."""
+"""A first look at a log: its content, recognised signals, suspicions, and a mapping to edit."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from auv_gym.records.record import Record
 from auv_gym.records.suspicions import suspicions
 from auv_gym.records.time_axis import gap_limit
 
-WHOLE = 8e6  # bytes; a slow format's file is read whole below, above it by its index and a sample
-SAMPLE = 2000  # samples of each signal, where a file is too large to read it all
+WHOLE = 8e6  # bytes; a file in a slow format is read whole below this size, and by its index and a sample above it
+SAMPLE = 2000  # samples of each signal, if a file is too large to read completely
 
 
 @dataclass(frozen=True)
 class SignalLook:
-    """What one column holds.
+    """The content of one column.
 
-    channel: what it is taken as, '' where it is left out.  unit: of low and high.  samples: that have a value.
-    interval: median time between them, s.  gaps: how many intervals are gaps, see `time_axis.gap_limit`.
+    channel: the channel that it becomes, '' if it is left out.  unit: of low and high.  samples: number with a value.
+    interval: median time between them, s.  gaps: number of intervals that are gaps, see `time_axis.gap_limit`.
     by: how it was recognised.
     """
 
@@ -47,11 +47,11 @@ class SignalLook:
 
 @dataclass(frozen=True, eq=False)
 class FirstLook:
-    """A log as it is met for the first time.
+    """The result of a first look at a log.
 
-    rows: of the group with the most.  start: s since 1970, where known.  sampled: samples of each signal that were
-    read, None for all.  notes: what was left out or mended.  doubts: what looks wrong, and what to do.
-    record: what a vehicle would get; None where nothing was recognised, and then `problem` says why.
+    rows: of the largest group.  start: s since 1970, if known.  sampled: samples read of each signal, None for all.
+    notes: what was left out or mended.  doubts: what looks wrong, and what to do.
+    record: the record that a vehicle would get; None if nothing was recognised; `problem` then says why.
     """
 
     path: Path
@@ -74,7 +74,7 @@ class FirstLook:
         return set() if self.record is None else set(self.record.names)
 
     def uses(self, needs: Needs) -> set[str]:
-        """The channels that a vehicle takes from the log, those among them from which others of these follow."""
+        """The channels that a vehicle takes from the log, and those from which they are derived."""
         wanted = {*needs.required, *needs.wanted}
         measured = set(self.known.by_channel) if self.known else set()
         sources = {source for name, others in SOURCES.items() if name in wanted - measured for source in others}
@@ -82,9 +82,9 @@ class FirstLook:
         return (self.channels | measured) & (wanted | sources | commands)
 
     def offers(self, channel: str, needs: Needs) -> dict[str, Target]:
-        """The columns that look like a channel that a vehicle is missing, the likeliest first, with their targets.
+        """The columns that may be a channel that a vehicle is missing, the likeliest first, with their targets.
 
-        Not those that the user's mapping names, that the vehicle uses, or that measure a motion.
+        Columns that the user's mapping names, that the vehicle uses, or that measure a motion are not offered.
         """
         uses = {*needs.required, *needs.wanted}
         taken = {
@@ -101,28 +101,27 @@ class FirstLook:
 
     @property
     def is_profile(self) -> bool:
-        """Whether it is a table without times that has the density of the water over depth."""
+        """Whether it is a table without times that holds the water's density over depth."""
         columns = {name for group in self.log.groups if group.time is None for name in group.columns}
         have = {conversion(name).channel.name for name in columns if is_known(name, None)}
         timeless = self.known is None and not candidates("time_s", columns)
         return timeless and "density_kgpm3" in have and bool(have & {"depth_m", "pressure_dbar"})
 
     def missing(self, needs: Needs) -> list[str]:
-        """The channels that a vehicle would still need; a command serves where its input was not measured."""
+        """The channels that a vehicle still needs; a command can replace an input that was not measured."""
         have = self.channels
         return [name for name in needs.required if name not in have and command_for(name) not in have]
 
 
 def _may_be(taken: str, wanted: str) -> bool:
-    """Whether a column that is taken as one channel may be another one: no measured motion, and no set point."""
+    """Whether a column taken as one channel may be another: not if it is a measured motion or a set point."""
     return CHANNELS[taken].kind in ("input", "auxiliary") and "_cmd" not in wanted
 
 
 def look_at(log: str | Path, mapping: object = None, beside: Path | None = None) -> FirstLook:
-    """What is in a log; raises ValueError where it cannot be read at all, or the mapping does not fit it.
+    """The content of a log; raises ValueError if it cannot be read at all, or if the mapping does not fit it.
 
-    A file of more than 8 MB in a format that is slow to read is looked at by its index and the first samples of each
-    signal.
+    A file of more than 8 MB in a slow format is examined by its index and the first samples of each signal.
     """
     path = find_log(log)
     names = load_mapping(cast("Any", mapping))
@@ -138,7 +137,7 @@ def look_at(log: str | Path, mapping: object = None, beside: Path | None = None)
     spans = [span for span in times if span is not None]
     duration = max((b for _, b in spans), default=0.0) - min((a for a, _ in spans), default=0.0)
     if known is not None and record is not None and any(stream.labels is not None for stream in known.streams):
-        duration = record.duration_s  # each segment has a clock of its own
+        duration = record.duration_s  # each segment has its own clock
     notes = [*(known.notes if known else content.notes), *(record.notes if record else [])]
     return FirstLook(
         path=path,
@@ -158,7 +157,7 @@ def look_at(log: str | Path, mapping: object = None, beside: Path | None = None)
 
 
 def started(look: FirstLook) -> str:
-    """When the log began, as text; '' where that is not known."""
+    """The time at which the log began, as text; '' if unknown."""
     if look.start is None:
         return ""
     try:
@@ -168,9 +167,9 @@ def started(look: FirstLook) -> str:
 
 
 def mapping_text(look: FirstLook, needs: Sequence[Needs] = (), turned: Mapping[str, Target] | None = None) -> str:
-    """A mapping in TOML, ready to edit: what was recognised, what was guessed, and what is left out.
+    """A mapping in TOML to edit: what was recognised, what was guessed, and what is left out.
 
-    turned: what becomes of channels that a vehicle takes under another name or in another unit.
+    turned: targets of channels that a vehicle takes under another name or in another unit.
     """
     lines = [
         f"# Mapping of {look.path.name} ({look.format}).",
@@ -188,7 +187,7 @@ def mapping_text(look: FirstLook, needs: Sequence[Needs] = (), turned: Mapping[s
             if column is not None:
                 guesses[column] = offers[column]
                 known.add(wanted)
-    used = set(guesses)  # each column stands in one line, or the file would be no TOML
+    used = set(guesses)  # each column has only one line; otherwise the file would not be valid TOML
 
     def add(column: str, target: str) -> None:
         if column not in used:
@@ -214,9 +213,9 @@ def mapping_text(look: FirstLook, needs: Sequence[Needs] = (), turned: Mapping[s
 
 
 def corrected(source: Source, channel: str, factor: float = 1.0, offset: float = 0.0) -> str:
-    """The line of a mapping by which a column becomes a channel of factor times what it is taken as, plus an offset.
+    """The line of a mapping that turns a column into factor times its present channel's values plus an offset.
 
-    factor, offset: in SI.  channel: of the same quantity, as where two columns are exchanged.
+    factor, offset: in SI.  channel: of the same quantity, for example if two columns are exchanged.
     """
     target = source.target
     size = _scale(target.name, source.unit)
@@ -236,7 +235,7 @@ def corrected(source: Source, channel: str, factor: float = 1.0, offset: float =
 
 
 def _scale(name: str, unit: str | None = None) -> float:
-    """The size in SI of the unit of a column."""
+    """The size of a column's unit in SI."""
     return float(np.diff(conversion(name, unit).convert(np.array([0.0, 1.0])))[0])
 
 
@@ -279,16 +278,16 @@ def _signals(log: Log, known: Understood | None) -> list[SignalLook]:
 
 
 def _sampling(time: np.ndarray | None) -> Callable[[np.ndarray], tuple[float, int]]:
-    """A function from the rows that have a value to the median time between these, s, and the number of gaps."""
+    """A function that maps the rows with a value to their median interval, s, and the number of gaps."""
 
     def of(there: np.ndarray) -> tuple[float, int]:
         if time is None or there.sum() < 3:
             return np.nan, 0
         steps = np.diff(time[there & np.isfinite(time)])
-        steps = steps[steps > 0.0]  # a time that goes back is late, or begins another segment
+        steps = steps[steps > 0.0]  # a step back is a late row, or the start of another segment
         return (float(np.median(steps)), int(np.sum(steps > gap_limit(steps)))) if steps.size else (np.nan, 0)
 
-    whole: list[tuple[float, int]] = []  # of columns with a value in every row, which most have
+    whole: list[tuple[float, int]] = []  # cache for columns with a value in every row, which most have
 
     def remembered(there: np.ndarray) -> tuple[float, int]:
         if not there.all():

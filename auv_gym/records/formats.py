@@ -1,4 +1,4 @@
-"""The formats of logs that can be read, found by entry points, and the format of a file."""
+"""The readable formats of logs, found by entry points, and the format of a given file."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ def formats() -> tuple[Format, ...]:
 
 @cache
 def _loaded() -> tuple[tuple[Format, ...], str]:
-    """The formats, and words on readers of other packages that cannot be imported: they leave the others alone."""
+    """The formats, and a text on other packages' readers that cannot be imported; these do not affect the others."""
     found, broken = [], []
     for entry in entry_points(group=GROUP):
         try:
             found.append(entry.load())
-        except Exception as error:  # whatever a foreign module raises when it is imported
+        except Exception as error:  # any error that a foreign module may raise on import
             broken.append(f"The reader {entry.name} ({entry.value}) cannot be imported: {error!r}.")
     return tuple(sorted(found, key=lambda one: (one.general, one.name.lower()))), " ".join(broken)
 
 
 def known_endings() -> str:
-    """The endings of all formats, in words, each once: with all formats that have it."""
+    """The endings of all formats in words, each once, with all formats that use it."""
     named: dict[tuple[str, ...], list[str]] = {}
     for ending in dict.fromkeys(ending for found in formats() for ending in found.endings or ("a folder",)):
         names = tuple(found.name for found in formats() if ending in (found.endings or ("a folder",)))
@@ -41,7 +41,7 @@ def known_endings() -> str:
 
 
 def format_of(path: Path) -> Format:
-    """The format of a file or folder; raises ValueError where it can be of none, and where it cannot be opened."""
+    """The format of a file or folder; raises ValueError if there is none, or if it cannot be opened."""
     head = _head(path)
     ending = path.suffix.lower()
     of_ending = [found for found in formats() if ending in found.endings or _has_ending(path, found)]
@@ -68,7 +68,7 @@ def format_of(path: Path) -> Format:
 
 
 def check_file(path: Path) -> None:
-    """Raises ValueError unless there is a file or folder that can be opened and is not empty."""
+    """Raise ValueError unless there is a file or folder that can be opened and is not empty."""
     if not path.exists():
         near = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
         raise ValueError(f"There is no file {path}. {did_you_mean(path.name, near)}Give the path of a log.")

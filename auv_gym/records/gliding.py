@@ -1,4 +1,4 @@
-"""Channels that are computed from others: a glider's speed through the water."""
+"""Channels computed from others: a glider's speed through the water."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 _SPEED_WINDOW: Final = 30.0  # s
 _STEEP: Final = np.radians(8.0)  # below this pitch, depth rate over sin(pitch) is mostly noise
 _SPEED_RANGE: Final = (0.05, 1.0)  # m/s; a Slocum without thruster glides at 0.2 to 0.5 m/s
-_HALVINGS: Final = 60  # of an interval of less than pi, down to the rounding of a double
+_HALVINGS: Final = 60  # bisections of an interval of less than pi, down to rounding
 
 
 def glide_speed(
@@ -22,11 +22,11 @@ def glide_speed(
     """Speed through the water, m/s, from the depth rate and the pitch of a glider; None if it never glides.
 
     -(rate of change of depth) / sin(pitch - attack), with depth rate and pitch averaged over 30 s around a sample.
-    Below 8 degrees of pitch and at inflexions, where this is not defined, it is interpolated in time; it is clipped to
+    Below 8 degrees of pitch and at inflexions, where this is undefined, it is interpolated in time; it is clipped to
     0.05 to 1 m/s.
-    attack: the angle of attack of a steady glide, rad, of a pitch in rad, such as `glide_attack`; None neglects it: a
-    glide path is some 3 degrees steeper than the pitch, so the speed comes out some 10 % high, alike going up and
-    down.  Rising or sinking water adds to it.
+    attack: function from pitch to the angle of attack of a steady glide, both rad, such as `glide_attack`.  None
+    neglects it: since the glide path is about 3 degrees steeper than the pitch, the speed is about 10 % too high, both
+    up and down.  Vertical motion of the water is included in the speed.
     """
     time, depth, pitch = (np.asarray(a, dtype=float) for a in (time, depth, pitch))
     known = np.isfinite(depth) & np.isfinite(pitch)
@@ -50,12 +50,12 @@ def glide_speed(
 def glide_attack(
     pitch: np.ndarray | float, drag_0: float, drag_2: float, lift_1: float, lift_0: float = 0.0
 ) -> np.ndarray:
-    """Angle of attack, rad, of a steady glide at some pitch, rad; NaN where the drag allows none as shallow.
+    """Angle of attack, rad, of a steady glide at a pitch, rad; NaN if the drag does not allow so shallow a glide.
 
     drag_0, drag_2, lift_0, lift_1: of the polar drag = (drag_0 + drag_2 attack^2) V^2, lift = (lift_0 + lift_1 attack)
-    V^2, as in the part `Wings`; one common factor does not matter.  Gliding down at a negative pitch, the attack is
-    positive; without lift_0, going up mirrors going down.  Of the two glides that a polar allows, the faster one, below
-    the attack of the best glide ratio.
+    V^2, as in the part `Wings`; a common factor does not matter.  Gliding down at a negative pitch, the attack is
+    positive; without lift_0, going up mirrors going down.  Of the two glides that a polar allows, the faster one is
+    returned, below the attack of the best glide ratio.
     Source: Graver 2005, Underwater Gliders: Dynamics, Control and Design, PhD thesis, Princeton, ch. 4: in equilibrium,
     tan(pitch - attack) = -drag / lift.
     """
@@ -66,14 +66,14 @@ def glide_attack(
         )
     pitch = np.asarray(pitch, dtype=float)
     no_lift = -lift_0 / lift_1
-    best = np.sqrt(drag_0 / drag_2 + no_lift**2)  # from no_lift to where drag / lift is least
+    best = np.sqrt(drag_0 / drag_2 + no_lift**2)  # from no_lift to the smallest drag / lift
 
     def path(beyond: np.ndarray | float) -> np.ndarray:
-        """The path's angle at an attack this far beyond no_lift."""
+        """The path angle at an attack this far beyond no_lift."""
         drag = drag_0 + drag_2 * (no_lift + beyond) ** 2
         return -np.sign(beyond) * np.arctan2(drag, lift_1 * np.abs(beyond))
 
-    # the pitch, path + attack, rises steadily with the attack between no_lift and the best glide, on either side
+    # on either side, the pitch (path + attack) rises with the attack between no_lift and the best glide
     side = np.where(pitch < no_lift, 1.0, -1.0)
     low, high = np.zeros_like(pitch), np.full_like(pitch, best)
     for _ in range(_HALVINGS):

@@ -1,4 +1,4 @@
-"""Several files as one record: side by side where they are of one stretch of time, else one after the other."""
+"""Several files as one record: side by side if they cover the same time, otherwise one after another."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ import numpy as np
 from auv_gym.records.log import Log
 from auv_gym.records.record import Record, concat
 
-_VEHICLE = "platform_id"  # the attribute in which a log names its vehicle
-_SHARED = 0.5  # of the samples of the shorter log: from this share on, both hold the same
-_OVERLAP = 0.1  # of the duration of the shorter log; one that goes on where another ends may begin a moment earlier
+_VEHICLE = "platform_id"  # attribute of a log with the name of its vehicle
+_SHARED = 0.5  # of the shorter log's samples: two logs that share more have the same content
+_OVERLAP = 0.1  # of the shorter log's duration; a log that continues another may begin a little earlier
 
 
 def side_by_side(found: Sequence[tuple[Path, Log | Record]]) -> list[tuple[Path, Log | Record]]:
-    """The logs, two of one format and label as one where they hold different signals of the same time.
+    """The logs, with two of one format and label merged if they hold different signals of the same time.
 
-    So a glider's flight and science computers log the same segment.
+    This applies to a glider's flight and science computers, which log the same segment.
     """
     result: list[tuple[Path, Log | Record]] = []
     for file, one in found:
@@ -42,7 +42,7 @@ def _belong_together(one: Log, other: Log) -> bool:
     if not one.label or (one.format, one.label) != (other.format, other.label):
         return False
     shared = set(one.names) & set(other.names)
-    if 2 * len(shared) > min(len(one.names), len(other.names)):  # another dive of the same number
+    if 2 * len(shared) > min(len(one.names), len(other.names)):  # another dive with the same number
         return False
     (start, stop), (first, last) = (_span_of(log) for log in (one, other))
     return first < stop and start < last
@@ -56,10 +56,10 @@ def _span_of(log: Log) -> tuple[float, float]:
 
 
 def check_apart(records: Sequence[tuple[str, Record]]) -> None:
-    """Raise ValueError where two logs, each with its name, hold the same evidence or are of different vehicles.
+    """Raise ValueError if two named logs hold the same evidence, or belong to different vehicles.
 
-    The evidence is the same where segments agree in all values of the channels that all logs have, or where logs with
-    dates overlap in time.
+    The evidence is the same if segments agree in all values of the channels that all logs have, or if dated logs
+    overlap in time.
     """
     if len(records) < 2:
         return
@@ -84,13 +84,13 @@ def check_apart(records: Sequence[tuple[str, Record]]) -> None:
 
 
 def _lengths_by_content(record: Record, names: Sequence[str]) -> dict[bytes, int]:
-    """The samples of each segment, by its values of these channels; empty without channels."""
+    """The number of samples of each segment, by its values of these channels; empty without channels."""
     values = record.matrix(names)
     return {values[s].tobytes(): s.stop - s.start for s in record.segments} if names else {}
 
 
 def _overlap(one: Record, other: Record) -> float:
-    """How long segments of two logs lasted at once, s; 0 where not both have a date."""
+    """The time that segments of two logs overlap, s; 0 if not both have a date."""
     spans = []
     for record in (one, other):
         begin, time = float(record.attrs.get("start_epoch_s", np.nan)), record.time
@@ -101,7 +101,7 @@ def _overlap(one: Record, other: Record) -> float:
 
 
 def one_after_the_other(records: list[Record]) -> Record:
-    """One record of several files, on the clock of the first, with the channels that all of them have."""
+    """One record of several files on the clock of the first, with the channels common to all of them."""
     if len(records) == 1:
         return records[0]
     common = set.intersection(*(set(record.names) for record in records))
@@ -119,7 +119,7 @@ def one_after_the_other(records: list[Record]) -> Record:
 
 
 def labels_of(logs: Sequence[tuple[Path, str]]) -> list[str]:
-    """What each of some logs is called: its own label or the file's name, with the folder where two have the same."""
+    """The names of logs: the label or the file's name, with the folder if two are the same."""
     names = [label or file.name for file, label in logs]
     return [
         f"{file.parent.name}/{name}" if names.count(name) > 1 else name

@@ -1,4 +1,4 @@
-"""What a reader brings from a file: named columns in groups that were sampled together, just as they were logged."""
+"""The content of a log file as read: named columns in groups that were sampled together."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 Column = np.ndarray | list[str]
-FIXES = "gps_fixes"  # attribute of a log: s since 1970, latitude and longitude, deg, of each fix, one after the other
+FIXES = "gps_fixes"  # attribute of a log: s since 1970, latitude and longitude, deg, of each fix, concatenated
 MOST_ELEMENTS = 64  # of an array in a message; longer ones are images, scans or plots, not signals
 
 
@@ -21,11 +21,11 @@ def _silent(fraction: float, text: str) -> None:
 
 @dataclass(frozen=True)
 class Scope:
-    """How much of a file is wanted.
+    """The part of a file that is needed.
 
-    groups: the names of those groups whose samples are wanted; None for all.  most: how many samples of each group are
-    enough, for a first look at a large file; None for all.  beside: a folder with files that the log needs, if they
-    are not beside it.  progress: called with a fraction from 0 to 1 and words.
+    groups: the names of the groups whose samples are needed; None for all.  most: the number of samples per group that
+    suffices for a first look at a large file; None for all.  beside: a folder with files that the log needs, if they
+    are not in its own folder.  progress: called with a fraction from 0 to 1 and words.
     """
 
     groups: Collection[str] | None = None
@@ -34,7 +34,7 @@ class Scope:
     progress: Callable[[float, str], None] = _silent
 
     def wants(self, group: str) -> bool:
-        """Whether the samples of this group are wanted."""
+        """Whether the samples of this group are needed."""
         return self.groups is None or group in self.groups
 
 
@@ -42,16 +42,16 @@ class Scope:
 class Group:
     """Columns that were sampled together: a table, a topic, a kind of message, a dimension of a NetCDF file.
 
-    name: that of the topic or the kind of message, '' of a table.
-    columns: (n,) each, in the file's own units and frames, as numbers, or as text for labels and dates; by the name
-    that a mapping calls them by, whole in itself: `rovio/thrusters[5]`, `ATT.Roll`, `eng_head`.
-    time: s, (n,), as the rows stand in the file, since 1970 or since the clock began; None where one of the columns
-    of a table holds it.
-    units: of those columns whose unit the file or its format states.
-    type, frame: of a message, its type and frame_id where there are such.
-    rows: how many the file holds, which is more than n where a `Scope` asked for fewer.  span: first and last time of
-    all rows, s, where n is fewer.
-    near: the longest time between two samples, s, over which a measurement may be interpolated; None: as for any other.
+    name: of the topic or the kind of message, '' for a table.
+    columns: (n,) each, in the file's own units and frames, as numbers, or as text for labels and dates; by the complete
+    name that a mapping uses: `rovio/thrusters[5]`, `ATT.Roll`, `eng_head`.
+    time: s, (n,), in the order of the file, since 1970 or since the clock's start; None if a column of a table holds
+    it.
+    units: of the columns whose unit the file or its format states.
+    type, frame: type and frame_id of a message, if it has them.
+    rows: number of rows in the file, more than n if a `Scope` asked for fewer.  span: first and last time of all rows,
+    s, if n is smaller.
+    near: the longest time between samples, s, over which a measurement may be interpolated; None: the general rule.
     """
 
     name: str
@@ -75,9 +75,9 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """The groups of a file, and what is known of it as a whole.
+    """The groups of a file, and its general attributes.
 
-    format: in words, "ROS 1 bag".  attrs: what a record of it shall keep; numbers, text, or lists of these.
+    format: in words, "ROS 1 bag".  attrs: kept in the record; numbers, text, or lists of these.
     notes: a line each on what the reader left out or mended, and why.
     label: of a file that is one segment of several, such as a dive.
     """
@@ -90,13 +90,13 @@ class Log:
     label: str = ""
 
     def column(self, name: str) -> tuple[Group, Column] | None:
-        """A column and its group, or None where no group has one of this name."""
+        """A column and its group, or None if no group has a column of this name."""
         group = self.by_name.get(name)
         return None if group is None else (group, group.columns[name])
 
     @cached_property
     def by_name(self) -> dict[str, Group]:
-        """The group of each column; the first, where several have one of a name."""
+        """The group of each column; the first one if several have the name."""
         found: dict[str, Group] = {}
         for group in self.groups:
             for name in group.columns:
@@ -114,11 +114,11 @@ class Format:
     """A format of logs.
 
     name: in words, "ROS 1 bag".  endings: of its files, in lower case, with the dot; none for folders.
-    recognises: whether a file is of this format, from its path and first 4096 bytes (b"" for a folder), at once.
-    read: the log in a file, as far as the scope asks; raises ValueError in a sentence, imports what it needs.
-    slow: whether a first look at a large file should ask for a sample instead of all of it.
-    general: whether it may recognise files of any kind, as tables in text do; it comes last, and not at all where a
-    file's ending is that of another format.
+    recognises: quick check of whether a file has this format, by its path and first 4096 bytes (b"" for a folder).
+    read: returns the log in a file, as far as the scope asks; raises ValueError with a sentence; imports what it needs.
+    slow: whether a first look at a large file should ask for a sample instead of the whole file.
+    general: whether it may recognise files of any kind, such as tables in text; it is tried last, and never for a file
+    with the ending of another format.
     """
 
     name: str
@@ -130,9 +130,9 @@ class Format:
 
 
 def array_columns(name: str, rows: Sequence[Any]) -> dict[str, np.ndarray]:
-    """The elements of an array that each message holds, as columns `name[0]`, `name[1]`, ...; NaN where one is short.
+    """The elements of an array in each message, as columns `name[0]`, `name[1]`, ...; NaN where an array is shorter.
 
-    Empty where the arrays have more than `MOST_ELEMENTS`.
+    Empty if the arrays have more than `MOST_ELEMENTS`.
     """
     longest = max((len(row) for row in rows), default=0)
     if longest > MOST_ELEMENTS:

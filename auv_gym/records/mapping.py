@@ -1,6 +1,6 @@
-"""Mappings: which channel a column of a file is, by the user's own table or by one of those shipped for common sources.
+"""Mappings from columns of a file to channels: the user's own table, or those shipped for common sources.
 
-A mapping renames, turns a sign, scales, shifts, or states a constant.  Nothing in it is evaluated.
+A mapping renames, changes a sign, scales, shifts, or states a constant.  Nothing in it is evaluated.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ YOURS = "your mapping"
 NICKNAME = "a common name of it, and its unit"
 OWN = "its name and unit"
 FIELD = "its name in the message"
-RULES = {YOURS: 1, OWN: 3, NICKNAME: 3, FIELD: 4}  # as docs/logs.md counts them; 2 is that of the shipped mappings
+RULES = {YOURS: 1, OWN: 3, NICKNAME: 3, FIELD: 4}  # numbered as in docs/logs.md; 2 is for shipped mappings
 TIMES = ("time_s", "time_ms", "time_min", "time_h")
 DATED = frozenset({"time", "timestamp", "datetime", "date_time", "time_utc", "time_iso"})  # in lower case
-_FEW, _MANY = 4, 25  # fields of a message that a note lists; topics that get a note each
-# By the ending of a thruster's command: full astern and full ahead.
+_FEW, _MANY = 4, 25  # fields of a message listed in a note; most topics with a note each
+# By the ending of a thruster's command: the values of full astern and full ahead.
 FULL = {"us": (1100.0, 1900.0), "share": (-1.0, 1.0), "norm": (-1.0, 1.0), "pct": (-100.0, 100.0)}
-_TURNED_FRAMES = ("_ned", "_frd")  # endings of a frame_id whose axes are the field's own, forward or north first
+_TURNED_FRAMES = ("_ned", "_frd")  # endings of a frame_id whose axes are those of our channels: forward or north first
 
 
 @dataclass(frozen=True)
 class Target:
-    """Where a column goes: a channel's name with the unit of the numbers; value = factor * number + offset."""
+    """The destination of a column: a channel's name with the unit of the numbers; value = factor * number + offset."""
 
     name: str
     factor: float = 1.0
     offset: float = 0.0
 
     def channel_and_values(self, values: np.ndarray, unit: str | None = None) -> tuple[Channel, np.ndarray]:
-        """The channel and the column's values in its unit.  unit: what the file states; wins over the name's suffix."""
+        """The channel, and the column's values in its unit.  unit: stated by the file; overrides the name's suffix."""
         found = conversion(self.name, unit)
         if self.factor != 1.0 or self.offset != 0.0:
             values = self.factor * values + self.offset
@@ -54,12 +54,12 @@ class Target:
 
 @dataclass(frozen=True)
 class Names:
-    """A mapping: targets by column, and the values of channels that were constant.
+    """A mapping: targets by column, and values of channels that were constant.
 
-    title: of a shipped one, the source.  needs: it fits where each of these lists has a column that is there.
-    types: targets by message type and field.  only: columns without a target are left out.
-    glides: its vehicles glide, so that their speed follows from depth and pitch.  vehicle: the preset of its vehicle.
-    formats: the formats that it is for, all if there are none.
+    title: the source of a shipped mapping.  needs: it fits if each of these lists has a column in the log.
+    types: targets by message type and field.  only: whether columns without a target are left out.
+    glides: whether its vehicles glide, so that their speed follows from depth and pitch.  vehicle: the preset of its
+    vehicle.  formats: those that it is for, all if empty.
     """
 
     targets: Mapping[str, Target] = field(default_factory=dict)
@@ -75,7 +75,7 @@ class Names:
 
 
 def load_mapping(mapping: MappingLike) -> Names:
-    """The user's mapping, as a table or the path of a flat TOML file; raises ValueError on anything it cannot do."""
+    """The user's mapping, from a table or the path of a flat TOML file; raises ValueError for anything unsupported."""
     if isinstance(mapping, (str, Path)):
         mapping = _toml(Path(mapping), f"The mapping {mapping}")
     targets, left_out, constants = {}, set(), {}
@@ -93,7 +93,7 @@ def load_mapping(mapping: MappingLike) -> Names:
 
 @cache
 def shipped() -> tuple[Names, ...]:
-    """The mappings of common sources that come with the package, in the order of their file names."""
+    """The mappings for common sources in this package, in the order of their file names."""
     found = []
     for file in sorted(files("auv_gym.records").joinpath("mappings").iterdir(), key=lambda entry: entry.name):
         if file.name.endswith(".toml"):
@@ -118,7 +118,7 @@ def shipped() -> tuple[Names, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """A column that is to become a channel: where it stands, its target, and the unit that the file states of it."""
+    """A column that becomes a channel: its place, its target, and the unit that the file states."""
 
     group: Group
     column: str
@@ -128,22 +128,22 @@ class Source:
 
     @property
     def channel(self) -> Channel:
-        """The channel that it becomes; raises where the target's unit is none that we know."""
+        """The channel that it becomes; raises if the target's unit is unknown."""
         return conversion(self.target.name, self.unit).channel
 
 
 def sources(log: Log, names: Names) -> tuple[list[Source], list[str]]:
-    """What becomes of the columns of a log: sources in order of preference, and a line for each column left out.
+    """The use of a log's columns: sources in order of preference, and a line for each column left out.
 
-    First come the columns that the user's mapping names, then those of the shipped mappings that fit, then those
-    whose own name and unit say which channel they are, or do within their topic or message, if one alone does.
-    Raises where the mapping names a column that is not there.
+    First come the columns that the user's mapping names, then those of the shipped mappings that fit, then those whose
+    own name and unit identify a channel, possibly within their topic or message if this is unique.
+    Raises if the mapping names a column that does not exist.
     """
     found: list[Source] = []
     given: set[str] = set()
     for theirs, target in names.targets.items():
         if target.name in TIMES and log.column(theirs) is None and any(group.time is not None for group in log.groups):
-            continue  # the reader knows the time by itself
+            continue  # the reader already knows the time
         group, column = _named(log, theirs)
         found.append(Source(group, column, target, by=YOURS))
         given.add(column)
@@ -171,7 +171,7 @@ def sources(log: Log, names: Names) -> tuple[list[Source], list[str]]:
                 notes.append(f"{column}: left out, since {_why(group, column)}.")
             else:
                 (nicknamed if source.by == NICKNAME else found).append(source)
-    found += [*fields, *nicknamed]  # a column that is called as the channel is comes first
+    found += [*fields, *nicknamed]  # a column with exactly the channel's name comes first
     return found, [*notes, *_on_unnamed(unnamed)]
 
 
@@ -181,9 +181,9 @@ def _is_message(group: Group, columns: Iterable[str]) -> bool:
 
 
 def _fields(log: Log, given: set[str]) -> list[Source]:
-    """Fields of topics and messages that no mapping names, and whose own names say which of our channels they are.
+    """Fields of topics and messages without a mapping whose own names identify one of our channels.
 
-    None where several would be one channel; and no set point for what is measured, as `cmd/depth_m`.
+    None if several fields match one channel; a set point, such as `cmd/depth_m`, never counts as a measurement.
     """
     found: dict[str, list[Source]] = {}
     for group in log.groups:
@@ -201,7 +201,7 @@ def _fields(log: Log, given: set[str]) -> list[Source]:
 
 
 def _on_unnamed(unnamed: Mapping[str, list[str]]) -> list[str]:
-    """A line on each topic or message with fields that no mapping names; one on all of them where they are many."""
+    """A line on each topic or message with fields that no mapping names; a single line if there are many."""
     if len(unnamed) > _MANY:
         first = ", ".join(list(unnamed)[:_FEW])
         return [f"{len(unnamed):,} signals left out, since no mapping names them: {first}, ..."]
@@ -218,14 +218,14 @@ def _on_unnamed(unnamed: Mapping[str, list[str]]) -> list[str]:
 
 
 def fitting_mappings(log: Log) -> list[Names]:
-    """The shipped mappings that fit a log, those that name most of its columns first."""
+    """The shipped mappings that fit a log; those that name most of its columns come first."""
     if log not in _FITTING:
         fitting = [(len(list(_shipped_sources(log, names))), names) for names in shipped() if _fits(log, names)]
         _FITTING[log] = [names for count, names in sorted(fitting, key=lambda pair: -pair[0]) if count]
     return _FITTING[log]
 
 
-_FITTING: WeakKeyDictionary[Log, list[Names]] = WeakKeyDictionary()  # found once, though several ask
+_FITTING: WeakKeyDictionary[Log, list[Names]] = WeakKeyDictionary()  # cache, since several callers ask
 
 
 def _fits(log: Log, names: Names) -> bool:
@@ -239,7 +239,7 @@ def _fits(log: Log, names: Names) -> bool:
 def _shipped_sources(log: Log, names: Names) -> Iterator[Source]:
     for theirs, target in names.targets.items():
         matches = _matches(log, theirs)
-        if len(matches) == 1:  # below two namespaces it could be either
+        if len(matches) == 1:  # below two namespaces, it would be ambiguous
             group, column, unit = matches[0]
             yield _source(group, column, target, unit, names.title)
     for kind, targets in names.types.items():
@@ -258,19 +258,19 @@ def _of_type(log: Log, kind: str) -> list[Group]:
 
 
 def _source(group: Group, column: str, target: Target, unit: str | None, title: str) -> Source:
-    """A source by a shipped mapping, in the unit that the file states if it measures what the target does."""
+    """A source by a shipped mapping, in the unit that the file states if it is of the target's quantity."""
     stated = unit or group.units.get(column)
     if stated:
         try:
             if conversion(target.name, stated).channel == conversion(target.name).channel:
                 return Source(group, column, target, stated, title)
-        except ValueError:  # a unit of that format that says nothing here, as 'nodim'
+        except ValueError:  # a unit of that format without a meaning here, such as 'nodim'
             pass
     return Source(group, column, target, None, title)
 
 
 def _matches(log: Log, theirs: str) -> list[tuple[Group, str, str | None]]:
-    """The columns that a name can mean: that very one; one below a namespace; one with its unit behind it."""
+    """The columns that a name can mean: the exact name, one below a namespace, or one followed by its unit."""
     if theirs in log.by_name:
         return [(log.by_name[theirs], theirs, None)]
     plain = theirs.lstrip("/")
@@ -285,7 +285,7 @@ def _matches(log: Log, theirs: str) -> list[tuple[Group, str, str | None]]:
 
 
 def _named(log: Log, theirs: str) -> tuple[Group, str]:
-    """The column that a user's mapping names; raises where there is none, or more than one."""
+    """The column that a user's mapping names; raises if there is none, or more than one."""
     found = [match for match in _matches(log, theirs) if match[2] is None]
     if not found:
         listed = list_of(log.names)
@@ -302,7 +302,7 @@ def _named(log: Log, theirs: str) -> tuple[Group, str]:
 
 
 def _by_itself(group: Group, column: str, called: str = "") -> Source:
-    """The source of a column whose own name, or what it is called, says which channel it is; in the file's unit."""
+    """The source of a column whose own name, or its alias, identifies a channel; in the file's unit."""
     unit, name = group.units.get(column), called or column
     if unit in ("", "1", "nodim", "-"):
         unit = None
@@ -318,9 +318,9 @@ def _by_itself(group: Group, column: str, called: str = "") -> Source:
 
 
 def guessed(group: Group, column: str, channel: str) -> Target | None:
-    """What a mapping would make of a column that looks like a channel, in the unit that the file or its name states.
+    """The target of a column that looks like a channel, in the unit that the file or its name states.
 
-    None where it cannot be that channel: it is text, a flag or constant, or in a unit of another quantity.
+    None if it cannot be that channel: text, a flag, constant, or in a unit of another quantity.
     """
     values, plain = group.columns[column], "_".join(column.lower().split())
     if isinstance(values, list) or is_flag(plain):
@@ -340,7 +340,7 @@ def guessed(group: Group, column: str, channel: str) -> Target | None:
 
 
 def command_in(channel: str, unit: str) -> Target | None:
-    """What a mapping makes of a thruster's command in another unit; None where either has none of `FULL`."""
+    """The target of a thruster's command in another unit; None if either unit is not in `FULL`."""
     wanted, given = FULL.get(channel.rpartition("_")[2]), FULL.get(unit)
     if wanted is None or given is None:
         return None
@@ -349,7 +349,7 @@ def command_in(channel: str, unit: str) -> Target | None:
 
 
 def _by_nickname(plain: str) -> str:
-    """The channel's name for a column with a common other name, with the same unit if that ends it; '' if none."""
+    """The channel's name for a column with a common alias, keeping its unit suffix; '' if there is none."""
     stem, _, suffix = plain.rpartition("_")
     if plain in NICKNAMES:
         return NICKNAMES[plain]
@@ -357,7 +357,7 @@ def _by_nickname(plain: str) -> str:
 
 
 def _why(group: Group, column: str) -> str:
-    """Why a column does not say by itself which channel it is."""
+    """The reason why a column does not identify a channel by itself."""
     unit = group.units.get(column)
     if unit and is_known(column, None):
         return f"its unit by the file, {unit!r}, does not fit its name"
@@ -370,12 +370,12 @@ def _why(group: Group, column: str) -> str:
 
 
 def _is_ours(name: str) -> bool:
-    """Whether a column is called just as one of our channels."""
+    """Whether a column has exactly the name of one of our channels."""
     return is_known(name, None) and conversion(name).channel.name in CHANNELS
 
 
 def is_known(name: str, unit: str | None) -> bool:
-    """Whether a column of this name, in this unit, is a signal whose unit is known and suits it."""
+    """Whether a column with this name and unit is a signal with a known, suitable unit."""
     try:
         conversion(name, unit)
     except ValueError:
@@ -396,7 +396,7 @@ def _toml(path: Path, what: str) -> dict[str, Any]:
 
 
 def _check_twice(path: Path, what: str) -> None:
-    """Raises ValueError if two lines of a mapping name one column."""
+    """Raise ValueError if two lines of a mapping name the same column."""
     lines: dict[str, int] = {}
     for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
         key = re.match(r"""\s*("(?:[^"\\]|\\.)*"|'[^']*'|[\w-]+)\s*=""", line)
@@ -406,7 +406,7 @@ def _check_twice(path: Path, what: str) -> None:
 
 
 def _target(theirs: str, ours: Any) -> Target:
-    """What a mapping says of a column: a text, or a table with `to`, `factor` and `offset`."""
+    """The target that a mapping gives for a column: a text, or a table with `to`, `factor` and `offset`."""
     if isinstance(ours, str) and ours.strip("-"):
         return Target(ours.removeprefix("-"), -1.0 if ours.startswith("-") else 1.0)
     if isinstance(ours, Mapping) and isinstance(ours.get("to"), str) and set(ours) <= {"to", "factor", "offset"}:
@@ -422,7 +422,7 @@ def _target(theirs: str, ours: Any) -> Target:
 
 
 def list_of(names: Iterable[str], most: int = 40) -> str:
-    """Names in quotes with commas, the last of many as a count."""
+    """Names in quotes, separated by commas; if there are many, the rest as a count."""
     names = list(names)
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return (", ".join(map(repr, names[:most])) or "none") + more

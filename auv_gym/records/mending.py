@@ -1,4 +1,4 @@
-"""Values that are missing in the channels of a record: filled in, dropped, or refused."""
+"""Missing values in the channels of a record: filled in, dropped, or refused."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 
 from auv_gym.channels import channel
 
-MAX_FILL = 3  # samples; longer runs without a value are gaps
-_COSTS = 0.1  # share of the samples; a channel that nobody requires is left out if it would cost more
+MAX_FILL = 3  # samples; longer runs of missing values are gaps
+_COSTS = 0.1  # share of the samples; an optional channel is left out if it would cost more
 
 
 def repaired(time: np.ndarray, values: np.ndarray, angle: bool, held: bool, max_fill: int) -> np.ndarray:
@@ -35,9 +35,9 @@ def repaired(time: np.ndarray, values: np.ndarray, angle: bool, held: bool, max_
 def missing_samples(
     variables: Mapping[str, Any], size: int, required: Collection[str] | None
 ) -> tuple[np.ndarray, dict[str, str]]:
-    """Which samples have no value in a channel that needs one, and which channels cost too much, with a line each.
+    """The samples to drop, since a required value is missing, and the channels that cost too much, with a line each.
 
-    Channels that are not required come in the order of what each has lost.
+    Channels that are not required are ordered by how much each has lost.
     """
     lost = {name: ~np.isfinite(values) for name, (_, values, _) in variables.items() if channel(name).needed}
     missing, costly = np.zeros(size, dtype=bool), {}
@@ -58,7 +58,7 @@ def missing_samples(
 
 
 def on_dropped(variables: Mapping[str, Any], missing: np.ndarray) -> list[str]:
-    """A line on the samples that are dropped, and on the channels without a value there; none where all are kept."""
+    """A line on the dropped samples and the channels without a value there; none if all samples are kept."""
     if not missing.any() or missing.all():
         return []
     lost = [n for n, (_, values, _) in variables.items() if channel(n).needed and not np.isfinite(values).all()]
@@ -72,7 +72,7 @@ def on_dropped(variables: Mapping[str, Any], missing: np.ndarray) -> list[str]:
 
 
 def check_runs(name: str, time: np.ndarray, values: np.ndarray, max_fill: int) -> None:
-    """Raises ValueError where more than `max_fill` values in a row are missing."""
+    """Raise ValueError if more than `max_fill` consecutive values are missing."""
     missing = np.flatnonzero(~np.isfinite(values))
     for run in np.split(missing, np.flatnonzero(np.diff(missing) > 1) + 1):
         if run.size > max_fill:

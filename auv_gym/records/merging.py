@@ -1,4 +1,4 @@
-"""Signals that were sampled apart, brought to one time base: commands are held, measurements interpolated when near."""
+"""Merging of separately sampled signals on one time base: commands are held, measurements interpolated if near."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from auv_gym.records.attitude import ANGLES, QUATERNION, angles, from_angles, in
 from auv_gym.records.record import RARER
 from auv_gym.records.time_axis import SAME, gap_limit
 
-_LEADING = ("heading_rad", "depth_m")  # where no vehicle says which channel it cannot do without
-_SHUFFLED = 0.1  # share of rows that are earlier than the one before, from which a log was not written in this order
-_BESIDE = 0.6  # share of a channel's readings in rows of the leading one; a sensor that is twice as fast has a half
-_SLOWEST = 10.0  # intervals of the base; a motion that is sampled more slowly says nothing of what it did in between,
-_SOON = 2.0  # s, unless it is sampled at least so often: underwater, nothing goes far in that time
-# inputs of models that do little between readings, however rare: of the engine, and of the water
+_LEADING = ("heading_rad", "depth_m")  # used if no vehicle states which channel it requires
+_SHUFFLED = 0.1  # share of rows that are earlier than the previous one; above it, the log was not written in order
+_BESIDE = 0.6  # share of a channel's readings in rows of the leading one; for a sensor twice as fast it is a half
+_SLOWEST = 10.0  # intervals of the base; a motion that is sampled more slowly is unknown in between,
+_SOON = 2.0  # s, unless it is sampled at least this often: underwater, little changes in that time
+# model inputs that change slowly, however rare their readings: of the engine, and of the water
 _SLOW = frozenset(["buoyancy_volume_m3", "temperature_C", "salinity_psu", "conductivity_Spm", "density_kgpm3"])
 
 
@@ -26,9 +26,9 @@ _SLOW = frozenset(["buoyancy_volume_m3", "temperature_C", "salinity_psu", "condu
 class Stream:
     """Channels that share their times: a group of a log after its mapping.
 
-    time: (n,), s, as the rows stand in the file.  values: (n,) each, by channel, NaN where missing.
-    labels: of segments, one a row, or None.  near: see `Group.near`.  dated: whether the times are dates.
-    part: (n,), counts up where the clock was set back; filled in by `in_order`.
+    time: (n,), s, in the order of the file.  values: (n,) each, by channel, NaN if missing.
+    labels: of segments, one per row, or None.  near: see `Group.near`.  dated: whether the times are dates.
+    part: (n,), increases where the clock was set back; filled in by `in_order`.
     """
 
     time: np.ndarray
@@ -40,7 +40,7 @@ class Stream:
     part: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
 
     def rows(self, kept: np.ndarray) -> Stream:
-        """These rows, by mask or index."""
+        """The stream with only these rows, by mask or index."""
         return replace(
             self,
             time=self.time[kept],
@@ -54,9 +54,9 @@ class Stream:
 class Merged:
     """Channels on one time base, which rises within each segment.
 
-    intervals: s between the readings of measurements that come more rarely than the rows, by channel.
-    unread: (n,), rows without a reading of their own of a measurement that was read at the times of other rows.
-    leading: the channel whose samples the time base is.  notes: a line each on what was done.
+    intervals: s between readings, for measurements that are rarer than the rows, by channel.
+    unread: (n,), rows without a reading of a measurement whose readings are at the times of other rows.
+    leading: the channel whose samples are the time base.  notes: a line each on what was done.
     """
 
     time: np.ndarray
@@ -69,14 +69,14 @@ class Merged:
 
 
 def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
-    """The channels of streams on the times of one of them.
+    """Merge the channels of streams on the times of one of them.
 
-    The time base is that of `leading`, or else of heading, of depth, or of the motion channel with the most samples.
-    Of its table, rows in which only channels of other sensors were read are left out.  Channels with a reading in most
-    of the rows that stay are kept as they are; all others are brought to these rows.  Inputs, commands and flags keep
-    their last value.  Measurements are interpolated linearly, attitudes along the shortest turn, where two samples are
-    no further apart than the signal's gaps and 10 intervals of the base, or 2 s; elsewhere they are missing.
-    Raises ValueError if all rows have the same time, or none.
+    The time base is that of `leading`, otherwise of heading, of depth, or of the motion channel with the most samples.
+    Rows of its table in which only other sensors were read are left out.  Channels with a reading in most of the
+    remaining rows are kept as they are; all others are brought to these rows.  Inputs, commands and flags hold their
+    last value.  Measurements are interpolated linearly, attitudes along the shortest rotation, if two samples are no
+    further apart than the signal's gap limit and 10 intervals of the base, or 2 s; otherwise they are missing.
+    Raises ValueError if there are no rows, or if all have the same time.
     """
     notes: list[str] = []
     ordered = [in_order(stream, notes) for stream in streams if stream.time.size]
@@ -119,10 +119,10 @@ def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
 
 
 def in_order(stream: Stream, notes: list[str]) -> Stream:
-    """The rows with rising times: late rows sorted in, rows of one time merged, a new part where the clock went back.
+    """The rows in order of time: late rows sorted in, equal times merged, a new part where the clock was set back.
 
-    Dated rows of which many are earlier than the one before were shuffled, and all of them are sorted.
-    A line on each goes to the notes.
+    Dated rows, many of which are earlier than the previous one, count as shuffled and are all sorted.
+    A line on each of these goes to the notes.
     """
     known = np.isfinite(stream.time)
     where = f" of {stream.name}" if stream.name else ""
@@ -166,16 +166,16 @@ def in_order(stream: Stream, notes: list[str]) -> Stream:
 
 
 def typical_interval(time: np.ndarray, part: np.ndarray) -> float:
-    """Median time between rows of one part, s; 0 where there are none."""
+    """Median time between rows of one part, s; 0 if there are none."""
     steps = np.diff(time)[np.diff(part) == 0] if part.size == time.size else np.diff(time)
     return float(np.median(steps)) if steps.size else 0.0
 
 
 def _parts(time: np.ndarray, runs: np.ndarray) -> np.ndarray:
-    """The number of the part of each row: it goes up with each run of labels, and where the clock was set back.
+    """The number of each row's part; it increases with each run of labels, and where the clock was set back.
 
-    A row that is earlier than one before it is late where time then leaps on; where time goes on from it at its usual
-    pace until it has caught up, or never catches up, the clock was set back.
+    A row earlier than the previous one is late if time then jumps forward again.  The clock was set back if time
+    continues from it at the usual pace until it has caught up, or never catches up.
     """
     part = np.zeros(time.size, dtype=int)
     forward = np.diff(time)
@@ -196,7 +196,7 @@ def _parts(time: np.ndarray, runs: np.ndarray) -> np.ndarray:
 
 
 def _set_back(time: np.ndarray, usual: float) -> int | None:
-    """The first row from which on the clock was set back, or None."""
+    """The first row after the clock was set back, or None."""
     highest = np.maximum.accumulate(time)
     late = time < highest
     if not late.any():
@@ -207,7 +207,7 @@ def _set_back(time: np.ndarray, usual: float) -> int | None:
         if behind <= 1.5 * usual:
             continue
         if stop == time.size:
-            # at the end of a file: a single row that came late, or a clock that has not caught up
+            # at the end of a file: a single late row, or a clock that has not caught up
             if stop - first > 1:
                 return int(first)
             continue
@@ -217,20 +217,20 @@ def _set_back(time: np.ndarray, usual: float) -> int | None:
 
 
 def _merged_rows(stream: Stream, same: np.ndarray) -> Stream:
-    """One row for rows of one time: of each channel the last value that is there."""
+    """Merge rows of one time into one, with the last value of each channel."""
     group = np.cumsum(~same) - 1
     first = np.flatnonzero(~same)
     values = {}
     for name, column in stream.values.items():
         result = np.full(first.size, np.nan)
         there = np.isfinite(column)
-        result[group[there]] = column[there]  # of several, the last one stays
+        result[group[there]] = column[there]  # of several, the last one counts
         values[name] = result
     return replace(stream.rows(first), values=values)
 
 
 def _on_conflicts(stream: Stream, same: np.ndarray) -> str:
-    """Words on the channels in which rows of one time contradict each other; '' where there are none."""
+    """Words on channels in which rows of one time contradict each other; '' if there are none."""
     at = np.flatnonzero(same)
     counts = {name: int(np.sum(np.abs(column[at] - column[at - 1]) > 0.0)) for name, column in stream.values.items()}
     listed = ", ".join(f"{name} in {count:,}" for name, count in counts.items() if count)
@@ -238,7 +238,7 @@ def _on_conflicts(stream: Stream, same: np.ndarray) -> str:
 
 
 def _common_clock(streams: list[Stream], notes: list[str]) -> list[Stream]:
-    """Streams whose parts correspond: where the clock of only some went back, rows until it has caught up go."""
+    """Streams with matching parts: if only some clocks were set back, rows until these have caught up are dropped."""
     counts = {int(stream.part.max()) for stream in streams}
     if len(streams) < 2 or len(counts) == 1:
         return streams
@@ -256,7 +256,7 @@ def _common_clock(streams: list[Stream], notes: list[str]) -> list[Stream]:
 
 
 def _base(streams: Sequence[Stream], leading: str | None) -> tuple[int, str]:
-    """The stream and the channel whose times are taken."""
+    """The stream and the channel whose times are used."""
     for name in (leading, *_LEADING):
         for number, stream in enumerate(streams):
             if name is not None and name in stream.values:
@@ -271,9 +271,9 @@ def _base(streams: Sequence[Stream], leading: str | None) -> tuple[int, str]:
 
 
 def _beside(base: Stream, leading: str) -> list[str]:
-    """The channels of the base that mostly were read in rows of the leading one, and this one itself.
+    """The channels of the base that were mostly read in rows of the leading one, including it.
 
-    A sensor that is faster, or has times of its own, was mostly read in other rows.
+    A sensor that is faster, or has its own times, was mostly read in other rows.
     """
     rows = np.isfinite(base.values[leading]) | (channel(leading).kind != "motion")
     read = {name: np.isfinite(column) for name, column in base.values.items()}
@@ -283,7 +283,7 @@ def _beside(base: Stream, leading: str) -> list[str]:
 def _rows_of(base: Stream, beside: Sequence[str]) -> np.ndarray:
     """The rows of the base, (n,), in which these channels were read or nothing was.
 
-    A row without any reading is a missing sample; but where most rows are, it is of a sensor that no mapping names.
+    A row without any reading is a missing sample; but if most rows are, they belong to a sensor without a mapping.
     """
     own = _read(base, beside)
     kept = own | ~_read(base, base.values)
@@ -299,7 +299,7 @@ def _read(stream: Stream, names: Iterable[str]) -> np.ndarray:
 
 
 def _skips_rows(read: np.ndarray) -> bool:
-    """Whether readings mostly have rows without one between them: the sensor is slower than the rows."""
+    """Whether readings mostly have rows without one in between: the sensor is slower than the rows."""
     found = np.flatnonzero(read)
     return found.size < 2 or np.quantile(np.diff(found), 0.5, method="lower") > 1
 
@@ -322,7 +322,7 @@ def _brought(stream: Stream, names: Iterable[str], base: Stream, spacing: float)
 
 
 def _quaternions(table: np.ndarray) -> np.ndarray | None:
-    """Roll, pitch and heading, (n, 3), as quaternions where the attitude turns far, else None."""
+    """Roll, pitch and heading, (n, 3), as quaternions if the attitude turns far, otherwise None."""
     known = np.isfinite(table).all(axis=1)
     if not turns_far(*table[known, :2].T):
         return None
@@ -332,7 +332,7 @@ def _quaternions(table: np.ndarray) -> np.ndarray | None:
 
 
 def _rarer(stream: Stream, names: Iterable[str], spacing: float) -> dict[str, float]:
-    """Typical time between readings, s, of those measurements that come more rarely than every 1.5 rows."""
+    """Typical time between readings, s, of the measurements with more than 1.5 rows per reading."""
     found = {}
     for name in names:
         known = np.isfinite(stream.values[name])
@@ -357,7 +357,7 @@ def _read_at(stream: Stream, name: str, base: Stream, spacing: float) -> np.ndar
 
 
 def _at(stream: Stream, column: np.ndarray, of: Channel | None, base: Stream, spacing: float) -> np.ndarray:
-    """A column, (n,), or four of a quaternion, (n, 4), at the times of the base, part by part; NaN where unknown."""
+    """A column, (n,), or the four of a quaternion, (n, 4), at the times of the base, part by part; NaN if unknown."""
     result = np.full((base.time.size, *column.shape[1:]), np.nan)
     known = np.isfinite(column) if column.ndim == 1 else np.isfinite(column).all(axis=1)
     for part in np.unique(base.part):
@@ -391,7 +391,7 @@ def _in_part(
 
 
 def _segments(base: Stream) -> np.ndarray | None:
-    """A label a row: that of the file, with a number where the clock cut a segment of one label in two."""
+    """A label per row: that of the file, with a number if the clock splits a segment of one label."""
     if base.labels is None:
         return base.part if base.part.size and base.part.max() > 0 else None
     labels = base.labels.copy()

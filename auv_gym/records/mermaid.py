@@ -1,7 +1,7 @@
-"""Dives of MERMAID profiling floats, from tables of their log: pressure, temperature and what pump and valves did.
+"""Dives of MERMAID profiling floats, from tables of pressure, temperature and actions of pump and valves.
 
-A row is an event or a reading. A row without a temperature may repeat the pressure that was read before it; how much
-oil the bypass lets in before a dive is not known, so the volume of a dive counts from its first row.
+A row is an event or a reading. A row without a temperature may repeat the previous pressure. The amount of oil that the
+bypass lets in before a dive is unknown, so the volume of a dive counts from its first row.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ COLUMNS = (
     "depth_m", "temperature_C", "pumped_cum_m3", "valved_cum_m3", "oil_volume_rel_m3", "bypass_open_cum_s",
     "surface_pump_cum_s",
 )  # fmt: skip
-_UNDER = 2.0  # m; above it the float may be at the surface
+_UNDER = 2.0  # m; above this depth the float may be at the surface
 _LEAST_ROWS = 8
 
 
 def is_mermaid(names: Iterable[str]) -> bool:
-    """Whether a table's columns are those of such a log."""
+    """Whether a table has the columns of such a log."""
     return set(COLUMNS) <= set(names)
 
 
 def mermaid_dives(time: np.ndarray, columns: Mapping[str, np.ndarray], dives: np.ndarray, source: str) -> Record:
-    """A record with a segment for each dive, from below the surface down and back, ready for a `float_oil` vehicle.
+    """A record with one segment per dive, from below the surface down and back, ready for a `float_oil` vehicle.
 
-    columns: by the names in `COLUMNS`, (n,) each.  dives: a label per row.  Pressures that only repeat the one before
-    go; where oil moved at such a row, its depth is interpolated. Channels: depth_m, temperature_C (interpolated in
-    time), oil_volume_m3, pumped_volume_m3, valved_volume_m3, valved_depth_m4.  Raises if no dive can be used.
+    columns: by the names in `COLUMNS`, (n,) each.  dives: a label per row.  Rows that only repeat the previous pressure
+    are dropped; if oil moved at such a row, its depth is interpolated. Channels: depth_m, temperature_C (interpolated
+    in time), oil_volume_m3, pumped_volume_m3, valved_volume_m3, valved_depth_m4.  Raises if no dive can be used.
     """
     labels = np.asarray(dives).astype(str)
     parts, left_out = [], {}
@@ -56,7 +56,7 @@ def mermaid_dives(time: np.ndarray, columns: Mapping[str, np.ndarray], dives: np
 
 
 def _dive(time: np.ndarray, log: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], str]:
-    """The channels of one dive, or why it cannot be used."""
+    """The channels of one dive, or the reason why it cannot be used."""
     depth, oil = log["depth_m"], log["oil_volume_rel_m3"]
     diving = (log["bypass_open_cum_s"] >= log["bypass_open_cum_s"].max()) & (log["surface_pump_cum_s"] <= 0.0)
     under = np.flatnonzero(diving & (depth > _UNDER))

@@ -1,4 +1,4 @@
-"""Which columns look like a channel, by the words that people name them with."""
+"""Columns that look like a channel, by the words that people use for it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from difflib import SequenceMatcher
 from itertools import pairwise
 from typing import Final
 
-# For each channel, words or symbols that stand in other people's names for it.
+# For each channel, words or symbols that other people's names for it contain.
 WORDS: Final[dict[str, tuple[str, ...]]] = {
     "time_s": ("time", "timestamp", "t", "epoch", "juld", "seconds", "secs", "sec", "date", "datetime", "clock", "utc"),
     "heading_rad": ("heading", "hdg", "yaw", "psi", "head", "compass", "azimuth", "bearing"),
@@ -37,7 +37,7 @@ WORDS: Final[dict[str, tuple[str, ...]]] = {
     "salinity_psu": ("salinity", "psal", "sal"),
     "density_kgpm3": ("density", "rho", "sigma"),
 }
-# Other names that by themselves, with a unit that fits, leave no doubt, and how ours begin.
+# Aliases that are unambiguous together with a suitable unit, and the beginning of our name.
 NICKNAMES: Final[dict[str, str]] = {
     "yaw": "heading", "hdg": "heading", "yaw_rate": "r", "yawrate": "r", "pitch_rate": "q", "pitchrate": "q",
     "roll_rate": "p", "rollrate": "p", "prop_rpm": "propeller_rpm", "prop": "propeller", "rudder_angle": "rudder",
@@ -48,11 +48,11 @@ NICKNAMES: Final[dict[str, str]] = {
 _COMMANDED = frozenset(
     {"cmd", "c", "command", "commanded", "desired", "des", "target", "setpoint", "sp", "ref", "goal", "d"}
 )
-_ALIKE = 0.8  # share of letters that two words have in common, from which one may be a misspelling of the other
+_ALIKE = 0.8  # share of common letters above which one word may be a misspelling of another
 
 
 def candidates(channel: str, columns: Iterable[str], most: int = 3) -> list[str]:
-    """The columns whose names look like a channel's, the likeliest first; empty where none does."""
+    """The columns whose names look like a channel's, the likeliest first; empty if there are none."""
     wants_command = "_cmd" in channel
     measured = channel.replace("_cmd", "")
     words = WORDS.get(channel, WORDS.get(measured, (measured.rpartition("_")[0],)))
@@ -68,12 +68,12 @@ def candidates(channel: str, columns: Iterable[str], most: int = 3) -> list[str]
 
 
 def is_commanded(name: str) -> bool:
-    """Whether a name has a word for what is commanded and not measured."""
+    """Whether a name contains a word for a command rather than a measurement."""
     return bool(_COMMANDED & _words_of(name))
 
 
 def looks_like(channel: str, columns: Iterable[str]) -> str:
-    """A sentence on the columns that look like a channel, with a blank behind it; empty where none does."""
+    """A sentence on the columns that look like a channel, with a trailing space; empty if there are none."""
     found = [f"`{column}`" for column in candidates(channel, columns)]
     if not found:
         return ""
@@ -82,7 +82,7 @@ def looks_like(channel: str, columns: Iterable[str]) -> str:
 
 
 def _score(word: str, said: set[str], column: str) -> float:
-    if len(word) == 1:  # a symbol says something only if it is all there is
+    if len(word) == 1:  # a one-letter symbol counts only if it is the whole name
         return 0.8 if said == {word} else 0.0
     if word in said:
         return 1.0 if len(word) > 2 else 0.8

@@ -1,4 +1,4 @@
-"""Records from files of any known format: read, mapped to channels, completed, and brought to one time base."""
+"""Reading records from files of any known format: mapping to channels, completing, and merging on one time base."""
 
 from __future__ import annotations
 
@@ -36,18 +36,18 @@ from auv_gym.records.readers.slocum import bundled_slocum_log
 from auv_gym.records.readers.text import CSV, numbers_or_text
 from auv_gym.records.record import Record
 
-_EPOCH_FROM = 1e8  # s; larger times count from 1970 and are moved to start at zero
-_OF_PLACE = ("latitude_rad", "longitude_rad", "magnetic_variation_rad")  # what these are for is done when a log is read
-_FEW = 5  # reasons that an error lists
-_SAMPLE = 50  # rows a group that tell which columns a slow format has
+_EPOCH_FROM = 1e8  # s; larger times count from 1970 and are shifted to start at zero
+_OF_PLACE = ("latitude_rad", "longitude_rad", "magnetic_variation_rad")  # only used while a log is read
+_FEW = 5  # reasons listed in an error
+_SAMPLE = 50  # rows per group, enough to see which columns a slow format has
 
 
 @dataclass(frozen=True)
 class Needs:
-    """What a vehicle takes from a log.
+    """The channels that a vehicle takes from a log.
 
-    required: the channels that it cannot do without, the leading one first.  wanted: others that it can use.
-    attack: the angle of attack, rad, of its steady glide at a pitch, rad, where it has a lift model.
+    required: the channels that it needs, the leading one first.  wanted: others that it can use.
+    attack: function from pitch to the angle of attack of its steady glide, both rad, if it has a lift model.
     """
 
     required: tuple[str, ...] = ()
@@ -60,9 +60,9 @@ class Understood:
     """A log with its columns as channels, each group on its own times.
 
     by_channel: the sources of each channel, those in use first.  notes: what was left out or mended, a line each.
-    constants: channels that did not change and were not logged.  clocks: of the groups without times of their own.
-    derived: how a channel came about that follows from others.  glides: see `Names`.  epoch: when time 0 was, s since
-    1970, where that is known.
+    constants: channels that did not change and were not logged.  clocks: of groups without times of their own.
+    derived: how each derived channel was computed.  glides: see `Names`.  epoch: the time of zero, s since 1970, if
+    known.
     """
 
     log: Log
@@ -88,18 +88,17 @@ def read_record(
 ) -> Record:
     """Read a record from a file of any supported format, from several files, or from an example log (slocum:ammonite).
 
-    mapping: their column to our channel or to '' (left out), as a dict or the path of a flat TOML file; '*' stands for
-    all columns not named.  A target's suffix is the column's unit: {"Hdg": "heading_deg"} gives heading_rad.  A minus
-    turns the sign, {"fin": "-rudder_rad"}; a table scales and shifts, {"d": {"to": "depth_m", "factor": 0.1}}; a number
-    is the value of a channel that was constant and not logged, {"speed_cmd_kn": 3.0}.  Columns that it does not name
-    are taken by the mappings shipped for common sources, or by their own name and unit.
-    required: channels that must be there, the leading one first, or the `Needs` of a vehicle.  Other channels are left
-    out where they would cost more than a tenth of the samples; `record.notes` says so, a line each.
+    mapping: from their column to our channel or to '' (left out), as a dict or the path of a flat TOML file; '*' means
+    all other columns.  A target's suffix is the column's unit: {"Hdg": "heading_deg"} gives heading_rad.  A minus
+    changes the sign, {"fin": "-rudder_rad"}; a table scales and shifts, {"d": {"to": "depth_m", "factor": 0.1}}; a
+    number is a constant that was not logged, {"speed_cmd_kn": 3.0}.  Columns that it does not name are identified by
+    the mappings shipped for common sources, or by their own name and unit.
+    required: channels that must exist, the leading one first, or the `Needs` of a vehicle.  Other channels are left out
+    if they would cost more than a tenth of the samples; `record.notes` says so, a line each.
     max_gap_s: see Record.split_gaps.  long_runs: see Record.from_arrays.  beside: a folder of files that a log needs.
-    Columns segment, dive_id and run divide the file, and so does each of several files; these must be of one vehicle
-    and hold nothing twice.  Times beyond 1e8 s, and dates, become s since the first; the attribute `start_epoch_s`
-    keeps that.
-    Raises ValueError on anything that cannot be read or does not fit.
+    Columns segment, dive_id and run divide the file, and so do several files; these must be of one vehicle and must not
+    repeat data.  Times above 1e8 s, and dates, become s since the first (attribute `start_epoch_s`).
+    Raises ValueError for anything that cannot be read or does not fit.
 
     Example:
 
@@ -139,17 +138,17 @@ def read_record(
 
 
 def _share(told: Callable[[float, str], None], number: int, count: int, fraction: float, text: str) -> None:
-    """Tell the progress of one of several files as a part of the whole."""
+    """Report the progress of one of several files as part of the whole."""
     told((number + fraction) / count, text)
 
 
 def open_log(path: Path, scope: Scope | None = None) -> Log:
-    """The log in a file, as its reader brings it; raises ValueError, with the path, on anything that cannot be read."""
+    """The log in a file as its reader returns it; raises ValueError, with the path, if it cannot be read."""
     return _read_as(format_of(path), path, scope or Scope())
 
 
 def understood(log: Log, names: Names, needs: Needs) -> Understood:
-    """The columns of a log as channels; raises where the mapping does not fit the log, or no column holds time."""
+    """The columns of a log as channels; raises if the mapping does not fit the log, or if no column holds time."""
     notes = list(log.notes)
     clocks = clocks_of(log, names, notes)
     held = {clock.column for clock in clocks.values()}
@@ -178,7 +177,7 @@ def understood(log: Log, names: Names, needs: Needs) -> Understood:
 
 
 def find_log(name: str | Path) -> Path:
-    """The file of a log, or of one that dbdreader ships (`slocum:ammonite`); raises ValueError if none can be read.
+    """The file of a log, or of one that dbdreader ships (`slocum:ammonite`); raises ValueError if it cannot be read.
 
     Example:
 
@@ -194,7 +193,7 @@ def find_log(name: str | Path) -> Path:
 
 
 def read_columns(path: str | Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """The columns of a CSV file that is no time series, in our units, and a label for each row ('' without any)."""
+    """The columns of a CSV file that is not a time series, in our units, and a label for each row ('' if none)."""
     path = find_log(path)
     try:
         group = CSV.read(path, Scope()).groups[0]
@@ -217,7 +216,7 @@ def _saved(path: Path, needs: Needs, max_gap_s: float | None) -> Record:
 
 
 def _read_one(path: Path, names: Names, beside: Path | None, progress: Callable[[float, str], None]) -> Log:
-    """The log in a file; of a format that is slow to read, those groups only that something comes of."""
+    """The log in a file; for a slow format, only the groups that will be used."""
     found = format_of(path)
     if not found.slow:
         return _read_as(found, path, Scope(beside=beside, progress=progress))
@@ -237,7 +236,7 @@ def _read_as(found: Format, path: Path, scope: Scope) -> Log:
         raise _named(path, error) from error
     except (ImportError, MemoryError):
         raise
-    except Exception as error:  # of a reader of another package, or a library that stumbles over a damaged file
+    except Exception as error:  # an error of another package's reader, or of a library that fails on a damaged file
         raise ValueError(
             f"{path} could not be read as {found.name} ({error!r}): it may be damaged, copy or export it again."
         ) from error
@@ -249,7 +248,7 @@ def assembled(
     """The record of a log whose columns are known."""
     source, notes = known.log.source, [*known.notes]
     for stream in known.streams:
-        if is_mermaid(stream.values):  # its readings are minutes apart, or hours: none of that is a gap
+        if is_mermaid(stream.values):  # its readings are minutes or hours apart, and none of these intervals is a gap
             labels = np.zeros(stream.time.size) if stream.labels is None else stream.labels
             dives = mermaid_dives(stream.time, stream.values, labels, source)
             return dives.with_notes([*notes, *dives.notes])
@@ -275,7 +274,7 @@ def assembled(
     glides = known.glides or needs.attack is not None
     if glides and "u_mps" not in values and {"depth_m", "pitch_rad"} <= set(values):
         speed = np.full(joined.time.size, np.nan)
-        for rows in _runs(joined.segment, joined.time.size):  # each on a clock of its own
+        for rows in _runs(joined.segment, joined.time.size):  # each has its own clock
             found = glide_speed(joined.time[rows], values["depth_m"][rows], values["pitch_rad"][rows], needs.attack)
             speed[rows] = np.nan if found is None else found
         if np.isfinite(speed).any():
@@ -303,7 +302,7 @@ def assembled(
 
 
 def _runs(segment: np.ndarray | None, size: int) -> list[slice]:
-    """The rows of each segment, one after the other."""
+    """The rows of each segment, in order."""
     if segment is None or size == 0:
         return [slice(0, size)]
     edges = np.flatnonzero(segment[1:] != segment[:-1]) + 1
@@ -311,7 +310,7 @@ def _runs(segment: np.ndarray | None, size: int) -> list[slice]:
 
 
 def _missing(missing: Sequence[str], known: Understood) -> ValueError:
-    """The error for channels that a vehicle requires and the log does not have, with what looks like them."""
+    """The error for required channels that the log does not have, with columns that look like them."""
     hints = ""
     for name in missing:
         hints += looks_like(name, [c for group in known.log.groups for c in group.columns if guessed(group, c, name)])
@@ -325,7 +324,7 @@ def _missing(missing: Sequence[str], known: Understood) -> ValueError:
 
 
 def _reasons(known: Understood) -> str:
-    """Why the columns of a log were left out, of many the first few."""
+    """The reasons why columns of a log were left out; if there are many, the first few."""
     if not known.notes:
         return f"It has {list_of(known.log.names)}. "
     more = len(known.notes) - _FEW
@@ -333,14 +332,14 @@ def _reasons(known: Understood) -> str:
 
 
 def command_for(name: str) -> str:
-    """The channel of the command that serves where an input was not measured; '' for what is no input."""
+    """The channel of the command that can replace an unmeasured input; '' if it is not an input."""
     return set_point_of(name) if channel(name).kind == "input" and "_cmd" not in name else ""
 
 
 def _chosen(
     found: Sequence[Source], needs: Needs, clocks: set[str], notes: list[str]
 ) -> tuple[dict[int, dict[str, np.ndarray]], dict[str, list[Source]]]:
-    """Values by group and channel, of the first source of each channel that has any; the others are noted."""
+    """Values by group and channel, from the first source of each channel that has any; the others are noted."""
     values: dict[int, dict[str, np.ndarray]] = {}
     by_channel: dict[str, list[Source]] = {}
     empty: dict[str, str] = {}
@@ -381,13 +380,13 @@ def _chosen(
 
 
 def _first_text(column: list[str]) -> tuple[str, int]:
-    """The first cell that is no number, and its row, counted from 1."""
+    """The first cell that is not a number, and its row, counted from 1."""
     row = next(row for row, cell in enumerate(column) if isinstance(numbers_or_text([cell]), list))
     return column[row], row + 1
 
 
 def _constants(log: Log, names: Names, found: Sequence[Source]) -> dict[str, float]:
-    """Channels that were constant and not logged, in SI: by the user's mapping, the shipped ones, the file itself."""
+    """Constant channels that were not logged, in SI: from the user's mapping, the shipped ones, or the file."""
     logged = {source.channel.name for source in found}
     constants: dict[str, float] = {}
     stated = {key: value for key, value in log.attrs.items() if key in ("latitude_deg", "magnetic_variation_deg")}
@@ -406,7 +405,7 @@ def _constants(log: Log, names: Names, found: Sequence[Source]) -> dict[str, flo
 
 
 def _labels(group: Group, found: Sequence[Source]) -> np.ndarray | None:
-    """A label a row, out of the columns that divide a table."""
+    """A label per row, from the columns that divide a table."""
     by_target = {s.target.name: s.column for s in found if s.group is group and s.target.name in SEGMENT_COLUMNS}
     columns = [by_target.get(name, name) for name in SEGMENT_COLUMNS]
     return _joined([group.columns[name] for name in columns if name in group.columns])
@@ -414,7 +413,7 @@ def _labels(group: Group, found: Sequence[Source]) -> np.ndarray | None:
 
 def _is_saved_record(path: Path) -> bool:
     """Whether a file was written by Record.save."""
-    if not path.is_file():  # a bag of ROS 2 is a folder
+    if not path.is_file():  # a ROS 2 bag is a folder
         return False
     with path.open("rb") as file:
         if file.read(8) != b"\x89HDF\r\n\x1a\n":
@@ -424,12 +423,12 @@ def _is_saved_record(path: Path) -> bool:
     try:
         with h5py.File(path, "r") as content:
             return "segment_labels" in content.attrs and "time_s" in content
-    except Exception:  # what a damaged file raises depends on where it is damaged; its reader says so in words
+    except Exception:  # a damaged file may raise almost anything; its reader reports it
         return False
 
 
 def _joined(columns: list[Column]) -> np.ndarray | None:
-    """One label per sample out of the columns that divide a file; of several, a change in any begins a segment."""
+    """One label per sample from the columns that divide a file; a change in any of them begins a segment."""
     if not columns:
         return None
     if len(columns) == 1:

@@ -1,4 +1,4 @@
-"""Record: named signals with units over time, cut into segments; the form in which data moves between the parts."""
+"""Record: named signals with units over time, cut into segments; the common data type of all packages."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ from auv_gym.writing import replacing
 if TYPE_CHECKING:
     import xarray as xr
 
-MOST_SAMPLES = 10_000_000  # that resample makes: 80 MB a channel
-RARER = 1.5  # sample intervals between readings, from which on some samples hold none
+MOST_SAMPLES = 10_000_000  # that resample may make: 80 MB per channel
+RARER = 1.5  # sample intervals between readings; from this ratio on, some samples have no reading
 
 
 @final
@@ -44,7 +44,7 @@ class Record:
     """Named signals in SI over time, in one or more segments, on an xarray Dataset.
 
     dataset: dimension and coordinate time_s; float64 variables named as channels; an integer variable `segment`, one
-    value per sample, that changes where a segment begins (absent: one segment).  Time may be uneven and may restart
+    value per sample, that changes where a segment begins (if missing: one segment).  Time may be uneven and may restart
     with a segment.  A variable `depth_m.unread` is 1 where the value of depth_m was filled in.  Raises if time does not
     rise within a segment, if a segment has fewer than 2 samples, or if a motion or input channel is not finite; other
     channels may hold NaN.  `from_arrays` repairs what can be repaired.
@@ -78,16 +78,16 @@ class Record:
         notes: Sequence[str] = (),
         unread: Mapping[str, np.ndarray] | None = None,
     ) -> Record:
-        """A record of equally long arrays, with angles unwrapped and missing values (NaN, infinities) dealt with.
+        """A record of equally long arrays, with angles unwrapped and missing values (NaN, infinities) handled.
 
-        Up to `max_fill` missing samples in a row are filled: linearly, or for inputs, commands and flags with the last
-        value; the variable's attribute `filled` counts them, and what is filled linearly is none of the `readings`.
-        Where a motion or input channel lacks longer, or at the ends of a segment, those samples are dropped and the
+        Up to `max_fill` consecutive missing samples are filled: linearly, or for inputs, commands and flags with the
+        last value; the variable's attribute `filled` counts them, and linearly filled values are not `readings`.
+        Longer runs in a motion or input channel, and missing values at the ends of a segment, are dropped and the
         record is cut; its attribute `dropped` counts them (long_runs "raise": a run longer than `max_fill` is an
-        error).  Longer runs in other channels stay NaN.  Segments of a single sample go.
-        segment: one label per sample, of any type.  unread: by channel, where values stand between readings, (n,).
-        required: where given, a motion or input channel that is not in it is left out if it would cost more than a
-        tenth of the samples.  notes: lines that the record keeps, to which those on what was dropped are added.
+        error).  Longer runs in other channels stay NaN.  Segments of a single sample are dropped.
+        segment: one label per sample, of any type.  unread: by channel, where values lie between readings, (n,).
+        required: if given, a motion or input channel that is not listed is left out if it would cost more than a tenth
+        of the samples.  notes: lines to keep; lines on what was dropped are added.
         Raises if nothing is left.
         """
         time = vector("time_s", time_s, None)
@@ -135,23 +135,23 @@ class Record:
 
     @property
     def elapsed(self) -> np.ndarray:
-        """Time since the segment of each sample began, s, shape (n,)."""
+        """Time since the start of each sample's segment, s, shape (n,)."""
         time = self.time
         return np.concatenate([time[s] - time[s.start] for s in self.segments])
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The channels that are there."""
+        """The channels of the record."""
         return tuple(name for name in map(str, self.dataset.data_vars) if is_channel(name))
 
     @property
     def attrs(self) -> dict[str, Any]:
-        """What is known of the whole record: source, start_epoch_s, dropped, ..."""
+        """Attributes of the whole record: source, start_epoch_s, dropped, ..."""
         return {str(k): v for k, v in self.dataset.attrs.items() if k not in (LABELS, NOTES)}
 
     @property
     def notes(self) -> list[str]:
-        """What was left out of its file, mended, or cut, and why: a line each."""
+        """What was left out of its file, mended, or cut, and why; a line each."""
         return [str(line) for line in np.atleast_1d(self.dataset.attrs.get(NOTES, []))]
 
     @property
@@ -161,7 +161,7 @@ class Record:
 
     @property
     def labels(self) -> list[str]:
-        """One label per segment: what the file called it, or '' where it did not."""
+        """One label per segment: the name in the file, or '' if it had none."""
         return [str(label) for label in self.dataset.attrs[LABELS]]
 
     @property
@@ -175,7 +175,7 @@ class Record:
         return self._typical[0]
 
     def interval_of(self, name: str) -> float:
-        """Time between the readings of a channel, s: that between samples, or longer where it is interpolated."""
+        """Time between the readings of a channel, s: the sample interval, or longer if the channel is interpolated."""
         self[name]
         told = float(self.dataset[name].attrs.get(INTERVAL, 0.0))
         if name + UNREAD in self.dataset:
@@ -185,9 +185,9 @@ class Record:
         return max(self.sample_interval, told)
 
     def readings(self, name: str) -> np.ndarray:
-        """Which samples hold a reading of a channel, (n,), and no value that was filled in.
+        """A mask, (n,), of the samples that hold a reading of a channel rather than a filled-in value.
 
-        Where it is known only how far readings are apart, one of the several samples between two; else all.
+        If only the interval between readings is known, one of the samples in each interval; otherwise all samples.
         """
         if name + UNREAD in self.dataset:
             return (self.dataset[name + UNREAD].values == 0) & np.isfinite(self.dataset[name].values)
@@ -206,11 +206,11 @@ class Record:
         return farthest <= tol * median
 
     def has(self, name: str) -> bool:
-        """Whether a channel is there."""
+        """Whether the record has a channel."""
         return is_channel(name) and name in self.dataset.data_vars
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """A copy of a channel's values, shape (n,), float64; raises on a channel that is not there."""
+        """A copy of a channel's values, shape (n,), float64; raises if the channel is missing."""
         if name == "time_s":
             return self.time
         if not self.has(name):
@@ -236,12 +236,12 @@ class Record:
         return matrix
 
     def with_channels(self, values: Mapping[str, Any]) -> Record:
-        """The record with these channels added or replaced; angles are taken as they are, all values as readings."""
+        """The record with these channels added or replaced; angles are not unwrapped, all values are readings."""
         new = {name: ("time_s", vector(name, column, len(self))) for name, column in values.items()}
         return Record(without_marks(self.dataset, values).assign(new))
 
     def with_intervals(self, seconds: Mapping[str, float]) -> Record:
-        """The record, these channels told to be interpolated between readings that are so far apart, s."""
+        """The record with these channels marked as interpolated between readings that are this far apart, s."""
         for name, interval in seconds.items():
             self[name]
             if not (interval > 0.0 and np.isfinite(interval)):
@@ -252,7 +252,7 @@ class Record:
         return Record(dataset)
 
     def with_readings(self, held: Mapping[str, Any]) -> Record:
-        """The record, these channels told which samples hold a reading, (n,); other values were filled in."""
+        """The record with these channels' readings marked, (n,); all other values count as filled in."""
         marks = {name: np.asarray(mask) for name, mask in held.items()}
         for name, mask in marks.items():
             self[name]
@@ -264,31 +264,31 @@ class Record:
         return Record(self.dataset.assign({name + UNREAD: ("time_s", ~mask) for name, mask in marks.items()}))
 
     def without(self, names: Iterable[str]) -> Record:
-        """The record without these channels; raises on one that is not there."""
+        """The record without these channels; raises if one is missing."""
         names = [names] if isinstance(names, str) else list(names)
         for name in names:
             self[name]
         return Record(without_marks(self.dataset, names).drop_vars(names))
 
     def with_notes(self, notes: Sequence[str], **attrs: Any) -> Record:
-        """The record with these notes in place of its own, and with these attributes."""
+        """The record with these notes instead of its own, and with these attributes."""
         others = {name: value for name, value in self.dataset.attrs.items() if name != NOTES}
         dataset = self.dataset.copy(deep=False)
         dataset.attrs = {**others, **attrs, **({NOTES: list(notes)} if notes else {})}
         return Record(dataset)
 
     def with_labels(self, labels: Sequence[str]) -> Record:
-        """The record with these labels of its segments, one each."""
+        """The record with these labels for its segments, one each."""
         if len(labels) != len(self.segments):
             raise ValueError(f"with_labels needs a label for each of {len(self.segments)} segments, got {len(labels)}.")
         return Record(self.dataset.assign_attrs({LABELS: [str(label) for label in labels]}))
 
     def later(self, seconds: float) -> Record:
-        """The record with all times later by so many s."""
+        """The record with all times shifted later by this many seconds."""
         return Record(self.dataset.assign_coords(time_s=("time_s", self.time + seconds)))
 
     def select(self, mask: Any) -> Record:
-        """The samples where the mask, shape (n,), holds; segments are cut where it breaks, single samples dropped."""
+        """The samples in the mask, shape (n,); segments are cut where it breaks, and single samples dropped."""
         mask = np.asarray(mask)
         if mask.dtype != bool or mask.shape != (len(self),):
             raise ValueError(
@@ -304,7 +304,7 @@ class Record:
     def split_gaps(self, max_gap_s: float | None = None) -> Record:
         """The record cut wherever two samples are more than `max_gap_s` apart, without segments of a single sample.
 
-        Default: 5 times the median interval, or 3 times the longest of the shorter 90 % where sampling is uneven.
+        Default: 5 times the median interval, or 3 times the longest of the shorter 90 % if sampling is uneven.
         """
         if max_gap_s is None:
             max_gap_s = gap_limit(self._intervals())
@@ -321,10 +321,10 @@ class Record:
     def resample(self, dt: float) -> Record:
         """The record at even steps of dt, s, from the start of each segment; never across a gap between segments.
 
-        Inputs, commands and flags keep their last value, all else is interpolated linearly (angles are continuous
-        already), attitudes that turn far along the shortest turn.  Nothing is filtered: smooth first when dt is much
-        longer than the interval.  Values between readings tell nothing new, so that a channel keeps its `interval_of`
-        where dt is shorter.
+        Inputs, commands and flags hold their last value; everything else is interpolated linearly (angles are already
+        continuous), and attitudes that turn far along the shortest rotation.  Nothing is filtered: smooth first if dt
+        is much longer than the interval.  Values between readings add no information, so a channel keeps its
+        `interval_of` if dt is shorter.
         """
         if not (dt > 0.0 and np.isfinite(dt)):
             raise ValueError(f"resample needs a positive step in s, got {dt}.")
@@ -372,7 +372,8 @@ class Record:
     def windows(self, seconds: float) -> list[slice]:
         """Consecutive windows of this length within each segment, as slices; a shorter rest is dropped.
 
-        A window ends before the next begins: at 4 s, 120 s are 30 samples.  Windows of a single sample are dropped.
+        A window ends before the next begins: at 4 s per sample, 120 s are 30 samples.  Windows of a single sample are
+        dropped.
         """
         if not seconds > 0.0:
             raise ValueError(f"windows needs a positive length in s, got {seconds}.")
@@ -387,20 +388,20 @@ class Record:
         return found
 
     def save(self, path: str | Path) -> None:
-        """Writes NetCDF, aside and then renamed; raises if the folder cannot be written."""
+        """Write NetCDF, aside and then renamed; raises if the folder cannot be written."""
         with replacing(path) as new:
             self.dataset.to_netcdf(new, engine="h5netcdf")
 
     @classmethod
     def load(cls, path: str | Path) -> Record:
-        """The record that `save` wrote; other files are for `auv_gym.records.reading.read_record`."""
+        """The record that `save` wrote; for other files, use `auv_gym.records.reading.read_record`."""
         if not Path(path).is_file():
             raise ValueError(f"There is no file {path}: give the path of a record that Record.save wrote.")
         try:
             import xarray as xr
 
             dataset = xr.load_dataset(path, engine="h5netcdf", decode_times=False)
-        except Exception as error:  # what a damaged file raises depends on where it is damaged
+        except Exception as error:  # a damaged file may raise almost anything
             raise ValueError(f"{path} is not a NetCDF record, or is cut short ({error}): save it again.") from error
         if LABELS not in dataset.attrs or "time_s" not in dataset:
             raise ValueError(f"{path} was not written by Record.save: read it with read_record.")
@@ -408,7 +409,7 @@ class Record:
 
     @cached_property
     def _typical(self) -> tuple[float, float]:
-        """The median of the intervals, and how far another is from it at most, s."""
+        """The median of the intervals, and the largest deviation from it, s."""
         intervals = self._intervals()
         median = np.median(intervals)
         return float(median), float(np.max(np.abs(intervals - median)))
@@ -461,7 +462,7 @@ def concat(records: Sequence[Record]) -> Record:
 
 
 def _common(name: str, records: Sequence[Record]) -> dict[str, Any]:
-    """The attributes of a variable over several records: fill counts add up, the longest interval is that of all."""
+    """The attributes of a variable over several records: fill counts are summed, and the longest interval is used."""
     found = dict(records[0].dataset[name].attrs)
     apart = [
         float(record.dataset[name].attrs[INTERVAL]) for record in records if INTERVAL in record.dataset[name].attrs

@@ -31,7 +31,7 @@ def density(
     """In-situ density, kg/m3.
 
     salinity: practical.  temperature: in situ, degC.  pressure: sea pressure, dbar.  latitude, longitude: deg; without
-    them, the salts are taken as those of the reference sea water, which costs up to 0.02 kg/m3 in the open ocean.
+    them, the composition of reference sea water is assumed, with an error of up to 0.02 kg/m3 in the open ocean.
     """
     gsw = _gsw()
     if latitude is None or longitude is None:

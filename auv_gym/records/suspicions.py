@@ -1,4 +1,4 @@
-"""What looks wrong with a log before any vehicle is known: units, signs, wraps and clocks."""
+"""Suspicions about a log before any vehicle is known: units, signs, wraps and clocks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from auv_gym.records.reading import Understood
 from auv_gym.records.record import Record
 
 _ANGLE = ((radians(1.0), "degrees", "deg"),)
-# For each channel, or each unit, the lowest and highest that can be, and units that would bring what is beyond within.
+# For each channel or unit, the lowest and highest possible value, and units that would explain values beyond.
 _SPEED = ((0.5144, "knots", "kn"), (1e-2, "centimetres per second", "cmps"), (1e-3, "millimetres per second", "mmps"))
 _LENGTH = ((1e-2, "centimetres", "cm"), (1e-3, "millimetres", "mm"))
 _POSSIBLE: Final[dict[str, tuple[float, float, tuple[tuple[float, str, str], ...]]]] = {
@@ -37,11 +37,11 @@ _POSSIBLE: Final[dict[str, tuple[float, float, tuple[tuple[float, str, str], ...
 }
 _ANYTHING: Final = (-np.inf, np.inf, ())
 _RATES: Final = (("heading_rad", "r_radps"), ("pitch_rad", "q_radps"), ("roll_rad", "p_radps"))
-_SURE = 0.6  # correlation from which an angle and its rate clearly belong together
-_NEARLY_ONE = 0.95  # correlation from which a factor of two can be told from a gain
-_UPRIGHT = 0.5  # cosine of pitch, below which roll and heading are hardly told apart
-_STEEP = 0.7  # correlation of depth rate and pitch from which their signs are clear
-_FACTORS: Final = (  # slope of the change of an angle over the integral of its rate, and what that means
+_SURE = 0.6  # correlation above which an angle and its rate clearly belong together
+_NEARLY_ONE = 0.95  # correlation above which a factor of two can be distinguished from a gain
+_UPRIGHT = 0.5  # cosine of pitch below which roll and heading cannot be separated well
+_STEEP = 0.7  # correlation of depth rate and pitch above which their signs are clear
+_FACTORS: Final = (  # ratio of the change of an angle to the integral of its rate, and its meaning
     (180.0 / pi, "{rate} looks like radians per second that were taken for degrees, or {angle} like degrees"),
     (pi / 180.0, "{rate} looks like degrees per second that were taken for radians per second"),
     (1e3, "time_s looks 1000 times too short"),
@@ -49,7 +49,7 @@ _FACTORS: Final = (  # slope of the change of an angle over the integral of its 
     (2.0, "time runs at half the rate it should, or {rate} at half its size"),
     (0.5, "time runs at twice the rate it should, or {rate} at twice its size"),
 )
-_FROM_AN_END: Final = (  # a mapping that turns such a volume would move its neutral, too
+_FROM_AN_END: Final = (  # volumes whose neutral would move, too, if a mapping changed their sign
     "buoyancy_volume_m3 is larger where depth grows, and more volume lifts: either the depth or the column that this "
     "volume is computed from has the opposite sign. Change that sign in the file."
 )
@@ -57,9 +57,9 @@ _CLOSE = 0.15  # relative distance from one of these factors
 _BLOCK = 1.0  # s, at least, over which rates are integrated
 _LEAST = 30  # blocks
 _MOST_OF_A_TURN = 5.5  # rad
-_MANY_TURNS = 20.0 * pi  # rad; a heading that is counted over more is rare
-_SPIKE, _SPIKES, _FASTEST = 2.0, 10.0, 2.0  # m, usual steps, and m/s: a depth further aside for one sample is none
-_FOLDED = 1.0  # rms step of an angle, rad; pi / sqrt(3) where it is folded at random
+_MANY_TURNS = 20.0 * pi  # rad; a heading rarely counts over more turns
+_SPIKE, _SPIKES, _FASTEST = 2.0, 10.0, 2.0  # m, usual steps, and m/s: a single depth further off is a spike
+_FOLDED = 1.0  # RMS step of an angle, rad; a randomly wrapped angle has pi / sqrt(3)
 
 
 def suspicions(known: Understood, record: Record | None) -> list[str]:
@@ -109,14 +109,14 @@ def _impossible(known: Understood) -> list[str]:
 
 
 def _counted(heading: np.ndarray) -> bool:
-    """Whether a heading, rad, can be one that is counted over a few turns: such a count begins within a turn."""
+    """Whether a heading, rad, can be one counted over a few turns: such a count begins within a turn."""
     return bool(abs(heading[0]) <= 2.0 * pi and np.ptp(heading) < _MANY_TURNS)
 
 
 def _wrapped(known: Understood) -> list[str]:
-    """Angles that jump by a whole turn, in channels that are not known as angles on a circle."""
+    """Angles that jump by a whole turn, in columns not recognised as angles on a circle."""
     found: list[str] = []
-    if any("heading_rad" in stream.values for stream in known.streams):  # the heading is known already
+    if any("heading_rad" in stream.values for stream in known.streams):  # the heading is already known
         return found
     for stream in known.streams:
         for name, values in stream.values.items():
@@ -135,7 +135,7 @@ def _wrapped(known: Understood) -> list[str]:
 
 
 def _spikes(record: Record) -> list[str]:
-    """Single depths far beside those before and after them."""
+    """Single depths that deviate strongly from those before and after them."""
     if not record.has("depth_m"):
         return []
     depth, aside = record["depth_m"], np.zeros(len(record))
@@ -171,7 +171,7 @@ def _folded(record: Record) -> list[str]:
 
 
 def _against_rates(record: Record) -> list[str]:
-    """Angles against the integrals of their rates: the sign, the unit of either, or the clock."""
+    """Angles compared with the integrals of their rates: the sign, the unit of either, or the clock."""
     found = []
     for angle, rate in _RATES:
         if not (record.has(angle) and record.has(rate)):
@@ -186,14 +186,14 @@ def _against_rates(record: Record) -> list[str]:
         if slope < 0.0:
             found.append(f'{angle} and {rate} have opposite signs: turn one of them in a mapping, as in "-{rate}".')
         for factor, words in _FACTORS:
-            near_one = 0.1 < factor < 10.0  # such a factor can be a gain or noise, too
+            near_one = 0.1 < factor < 10.0  # such a factor can also be a gain or noise
             if abs(abs(slope) / factor - 1.0) < _CLOSE and not (near_one and correlation < _NEARLY_ONE):
                 found.append(f"{words.format(angle=angle, rate=rate)}: {angle} turns {abs(slope):.3g} times as far.")
     return found
 
 
 def _angle_rate(record: Record, angle: str, rate: str) -> np.ndarray:
-    """What an angle changes by per s, by the body rates; NaN near the vertical, and where that takes a missing rate.
+    """The rate of an angle from the body rates; NaN near the vertical, or if a required rate is missing.
 
     Source: Fossen 2021, eq. (2.38).
     """
@@ -235,7 +235,7 @@ def _against_depth(record: Record) -> list[str]:
 
 
 def _with_depth(record: Record, name: str) -> float:
-    """The correlation of a signal with the depth rate; NaN where the record cannot say."""
+    """The correlation of a signal with the depth rate; NaN if the record does not determine it."""
     if not (record.has("depth_m") and record.has(name)):
         return np.nan
     sunk, signal = _increments(record, record["depth_m"], record[name], block=10.0)

@@ -8,12 +8,12 @@ import numpy as np
 
 from auv_gym.channels import SEGMENT_COLUMNS
 
-SAME = 1e-3  # sample interval within which stamps are of one time: seconds since 1970 are rounded to 0.2 us
+SAME = 1e-3  # of a sample interval; times closer than this are equal: seconds since 1970 are rounded to 0.2 us
 _SHORTEST_GAP = 0.25  # s
 
 
 def numbered(segment: Any, size: int) -> tuple[np.ndarray, list[str]]:
-    """Segments numbered from 0 in order of appearance, and their labels; a label that comes back is a new segment."""
+    """Segments numbered from 0 in order of appearance, and their labels; a label that reappears is a new segment."""
     if segment is None:
         return np.zeros(size, dtype=np.int64), [""] * min(size, 1)
     given = np.asarray(segment)
@@ -31,13 +31,13 @@ def _label(label: Any) -> str:
 
 
 def slices(ids: np.ndarray) -> list[slice]:
-    """The samples of each segment, by the number of the segment of each, (n,)."""
+    """The samples of each segment, given the segment number of each sample, (n,)."""
     edges = np.flatnonzero(np.diff(ids)) + 1
     return [slice(int(a), int(b)) for a, b in zip([0, *edges], [*edges, ids.size])] if ids.size else []
 
 
 def check_time(time: np.ndarray, ids: np.ndarray) -> None:
-    """Raises ValueError where time is missing, or does not rise within a segment."""
+    """Raise ValueError if time is missing, or does not rise within a segment."""
     if not np.isfinite(time).all():
         raise ValueError(
             f"Time is missing at row {int(np.argmin(np.isfinite(time))) + 1}: remove the row or fill it in."
@@ -55,24 +55,24 @@ def check_time(time: np.ndarray, ids: np.ndarray) -> None:
 
 
 def gap_limit(intervals: np.ndarray) -> float:
-    """The time between two samples, s, above which a gap lies between them, of the intervals of a signal.
+    """The interval between two samples of a signal, s, above which there is a gap, from all of its intervals.
 
-    5 times the median interval, or 3 times the longest of the shorter 90 % where sampling is uneven; never less than
-    0.25 s, by which messages of fast sensors often arrive late.
+    5 times the median interval, or 3 times the longest of the shorter 90 % if sampling is uneven; at least 0.25 s,
+    since messages of fast sensors are often late by that much.
     """
     uneven = 3.0 * float(np.quantile(intervals, 0.9, method="lower"))
     return max(5.0 * float(np.median(intervals)), uneven, _SHORTEST_GAP)
 
 
 def at_times(grid: np.ndarray, time: np.ndarray, values: np.ndarray, held: bool, dt: float) -> np.ndarray:
-    """The values at the times of a grid of steps of dt: the last ones where they are held, else on lines."""
+    """The values on a time grid with steps dt: the last value if they are held, otherwise linear interpolation."""
     if not held:
         return np.interp(grid, time, values)
     return values[np.searchsorted(time, grid + SAME * dt, side="right") - 1]
 
 
 def nearest(grid: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Which times of an even grid, (m,), are the nearest to one of some times."""
+    """Indices of the times on an even grid, (m,), nearest to the given times."""
     found = np.zeros(grid.size, dtype=bool)
     found[np.clip(np.round((time - grid[0]) / (grid[1] - grid[0])), 0, grid.size - 1).astype(int)] = True
     return found

@@ -1,8 +1,8 @@
-"""What the two kinds of ArduPilot logs share: spellings of units, structures in a file, and outputs.
+"""Shared parts of the readers of the two kinds of ArduPilot logs: units, structures in a file, and outputs.
 
-Messages are found and decoded here and in `dataflash` and `mavlink`: the loops of pymavlink take about 40 microseconds
-a message, and have no limit on damaged files.  Numbers are those of pymavlink.  A unit that `auv_gym.channels` cannot
-spell (cdeg, hPa, mrad/s) is replaced by one that it can, and the numbers with it.
+Messages are found and decoded here and in `dataflash` and `mavlink`, because the loops of pymavlink take about 40
+microseconds per message and can run without limit on damaged files.  Numbers equal those of pymavlink.  A unit that
+`auv_gym.channels` cannot spell (cdeg, hPa, mrad/s) is replaced by one that it can, and the numbers are converted.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ import numpy as np
 
 from auv_gym.records.log import Log, Scope
 
-_CHUNK = 1 << 17  # rows decoded at once, so that raw copies stay small beside the columns
-_MOST_TRIES = 1_000_000  # places where a message is sought in vain before the rest is given up: about a second
+_CHUNK = 1 << 17  # rows decoded at once, so that raw copies stay small compared with the columns
+_MOST_TRIES = 1_000_000  # failed attempts to find a message before the rest of a file is given up: about a second
 _STEP = 1 << 24  # bytes between two calls of progress
 
-# Spellings of units in both formats: ours, and our number over theirs.  Others stay as they are.
+# Spellings of units in both formats: ours, and the factor to it.  Others stay as they are.
 UNITS: Final[dict[str, tuple[str, float]]] = {
     "degheading": ("deg", 1.0), "deglatitude": ("deg", 1.0), "deglongitude": ("deg", 1.0), "cdeg": ("deg", 1e-2),
     "deg/2": ("deg", 2.0), "degE5": ("deg", 1e-5), "degE7": ("deg", 1e-7), "mrad": ("rad", 1e-3),
@@ -36,30 +36,30 @@ UNITS: Final[dict[str, tuple[str, float]]] = {
 
 @dataclass(frozen=True)
 class Number:
-    """A numeric field of a message: where it is in the structure, and how it becomes a column."""
+    """A numeric field of a message: its place in the structure, and its conversion to a column."""
 
     name: str
     element: int | None = None  # of an array
     unit: str = ""
     divisor: float = 1.0
     factor: float = 1.0
-    output: bool = False  # the length of pulses to a thruster or servo
+    output: bool = False  # pulse length to a thruster or servo
 
     def of(self, rows: np.ndarray) -> np.ndarray:
         """Its values in structures of its message."""
         values = rows[self.name] if self.element is None else rows[self.name][:, self.element]
         values = values.astype(np.float64 if values.dtype.kind == "f" else values.dtype)
-        if self.divisor != 1.0:  # as the library does: a division by 1e7 is exact where a product is not
+        if self.divisor != 1.0:  # divide like the library: a division by 1e7 is exact where a product is not
             values = values / self.divisor
         if self.factor != 1.0:
             values = values * self.factor
         if self.output:
-            values = np.where(values == 0, np.nan, values)  # no pulses, which is not a pulse of 0 microseconds
+            values = np.where(values == 0, np.nan, values)  # zero means that there are no pulses
         return values
 
 
 class Search:
-    """The search for messages in a file: what it passed over, and when it gives up."""
+    """The search for messages in a file: what it skipped, and when it gives up."""
 
     def __init__(self, size: int, progress: Callable[[float, str], None]) -> None:
         self._size = size
@@ -68,21 +68,21 @@ class Search:
         self._passed = 0
 
     def reached(self, at: int) -> int:
-        """Tell how far it has come; returns the byte from which on to tell it again."""
+        """Report progress up to this byte; returns the byte at which to report again."""
         self._progress(0.5 * at / self._size, "finding messages")
         return at + _STEP
 
     def misses(self) -> bool:
-        """Count a place where no message starts; returns whether that was one too many."""
+        """Count a place where no message starts; returns whether the limit is exceeded."""
         self._misses += 1
         return self._misses > _MOST_TRIES
 
     def passes(self, at: int, following: int) -> None:
-        """Count the bytes from a place to the next one where a message may start."""
+        """Count the skipped bytes from a place to the next possible start of a message."""
         self._passed += following - at
 
     def notes(self, at: int) -> list[str]:
-        """What a log should say of a search that ended at a byte."""
+        """Notes for a log whose search ended at this byte."""
         lines = []
         if at < self._size:
             lines.append("The file is cut short within its last message, which is left out.")
@@ -92,21 +92,21 @@ class Search:
 
 
 def refusing(read: Callable[[Path, Scope], Log]) -> Callable[[Path, Scope], Log]:
-    """The same, with a sentence for whatever a damaged definition leads to."""
+    """The reader, with any error from a damaged definition turned into a sentence."""
 
     def guarded(path: Path, scope: Scope) -> Log:
         try:
             return read(path, scope)
         except ValueError:
             raise
-        except Exception as error:  # a field that is a text where a number belongs, and the like
+        except Exception as error:  # for example a text in place of a number
             raise ValueError(f"{path} is damaged ({error!r}): copy it from the vehicle or computer again.") from error
 
     return guarded
 
 
 def structures(data: np.ndarray, starts: np.ndarray, dtype: np.dtype) -> np.ndarray:
-    """The structures that start at these bytes, with zeros where the file ends before one does."""
+    """The structures that start at these bytes, padded with zeros if the file ends within one."""
     size = dtype.itemsize
     rows = np.zeros((starts.size, size), np.uint8)
     inside = starts + size <= data.size
@@ -119,7 +119,7 @@ def structures(data: np.ndarray, starts: np.ndarray, dtype: np.dtype) -> np.ndar
 
 
 def pieces_of(starts: np.ndarray) -> Iterator[np.ndarray]:
-    """The starts of messages in runs that are decoded at once."""
+    """The starts of messages, in chunks that are decoded at once."""
     return (starts[first : first + _CHUNK] for first in range(0, starts.size, _CHUNK))
 
 
@@ -129,7 +129,7 @@ def text_of(cell: bytes) -> str:
 
 
 def servo_functions(parameters: Iterable[tuple[str, float]]) -> dict[str, Any]:
-    """What the outputs drive, 1 to n, as attribute; 33 to 40 are the motors 1 to 8 (SERVOn_FUNCTION of ArduPilot)."""
+    """What outputs 1 to n drive, as an attribute; 33 to 40 are the motors 1 to 8 (SERVOn_FUNCTION of ArduPilot)."""
     functions: dict[int, int] = {}
     for name, value in parameters:
         named = re.fullmatch(r"SERVO(\d{1,2})_FUNCTION", name)

@@ -1,4 +1,4 @@
-"""Dataflash logs, which the autopilots of ArduPilot vehicles (ArduSub) write: messages of types that each log defines.
+"""Dataflash logs, as written by the autopilots of ArduPilot vehicles (ArduSub); each log defines its messages.
 
 Times are s since boot, in the order of the rows.  Source: ArduPilot, libraries/AP_Logger (LogStructure.h, README.md).
 """
@@ -32,7 +32,7 @@ from auv_gym.records.readers.opening import mapped
 _MARK = b"\xa3\x95"
 _FMT = 0x80
 _FMT_BODY = struct.Struct("<BB4s16s64s")
-# format character -> type, and what the number is divided by
+# format character -> type, and divisor of the number
 _CODES: Final[dict[str, tuple[str, float]]] = {
     "b": ("i1", 1.0), "B": ("u1", 1.0), "M": ("i1", 1.0), "h": ("<i2", 1.0), "H": ("<u2", 1.0), "i": ("<i4", 1.0),
     "I": ("<u4", 1.0), "q": ("<i8", 1.0), "Q": ("<u8", 1.0), "g": ("<f2", 1.0), "f": ("<f4", 1.0), "d": ("<f8", 1.0),
@@ -40,10 +40,10 @@ _CODES: Final[dict[str, tuple[str, float]]] = {
     "n": ("S4", 1.0), "N": ("S16", 1.0), "Z": ("S64", 1.0), "a": ("S64", 1.0),
 }  # fmt: skip
 _PREFIXES: Final = {1e-1: "d", 1e-2: "c", 1e-3: "m", 1e-6: "u", 1e-9: "n"}
-_MOST_DEFINITIONS = 1 << 14  # messages of these types that are looked at, of 256 units or some 1500 parameters
+_MOST_DEFINITIONS = 1 << 14  # most messages of these types that are read; there are 256 units, some 1500 parameters
 _DEFINING: Final = ("FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "FILE")  # definitions, parameters and text
 _GPS_EPOCH = 315_964_800.0  # s since 1970, of 6 January 1980
-_LEAP_SECONDS, _LEAP_WEEK = 18, 1930  # since the week of 1 January 2017; a receiver with an older week has lost count
+_LEAP_SECONDS, _LEAP_WEEK = 18, 1930  # since the week of 1 January 2017; a receiver with an earlier week is wrong
 
 
 @dataclass(frozen=True)
@@ -54,31 +54,31 @@ class _Kind:
     codes: str
     fields: tuple[str, ...]
     length: int
-    units: dict[str, tuple[str, float]] = field(default_factory=dict)  # and the factor to it
+    units: dict[str, tuple[str, float]] = field(default_factory=dict)  # unit, and the factor to it
     instance: str = ""
 
     @property
     def dtype(self) -> np.dtype:
-        """The structure, after a head of three bytes; its fields are called as in the log."""
+        """The structure, after a header of three bytes, with the log's field names."""
         return np.dtype([(" head", "V3"), *((name, _CODES[code][0]) for name, code in zip(self.fields, self.codes))])
 
     @property
     def usable(self) -> bool:
-        """Whether the definition is one that can be read: known format, one name a field, and a length that fits."""
+        """Whether the definition can be read: a known format, one name per field, and a matching length."""
         known = all(code in _CODES for code in self.codes) and len(self.fields) == len(self.codes)
         named = all(map(str.isidentifier, self.fields)) and len(set(self.fields)) == len(self.fields)
         return known and named and self.dtype.itemsize == self.length
 
     @property
     def clock(self) -> tuple[str, float]:
-        """The field with the time since boot, and its unit in s; ('', 0) where there is none."""
+        """The field with the time since boot, and its unit in s; ('', 0) if there is none."""
         for name, unit in (("TimeUS", 1e-6), ("TimeMS", 1e-3)):
             if name in self.fields and _CODES[self.codes[self.fields.index(name)]][0][0] != "S":
                 return name, unit
         return "", 0.0
 
     def columns(self, prefix: str) -> dict[str, Number]:
-        """Its numbers, by the name of the column."""
+        """Its numeric fields, by the name of the column."""
         columns: dict[str, Number] = {}
         for name, code in zip(self.fields, self.codes):
             if _CODES[code][0].startswith("S") or name in (self.instance, self.clock[0]):
@@ -91,21 +91,21 @@ class _Kind:
 
 @dataclass
 class _Contents:
-    """The messages of a dataflash log: definitions, and where they start, by the byte that tells the type."""
+    """The messages of a dataflash log: definitions, and starts of messages, by the type byte."""
 
     kinds: dict[int, _Kind]
     starts: list[array]
     notes: list[str]
 
     def named(self, name: str) -> tuple[_Kind, np.ndarray] | None:
-        """A type that was defined and occurs."""
+        """A type that is defined and occurs in the log."""
         for byte, kind in self.kinds.items():
             if kind.name == name and kind.usable and self.starts[byte]:
                 return kind, np.frombuffer(self.starts[byte], np.int64)
         return None
 
     def table(self, data: np.ndarray, name: str, *fields: str) -> np.ndarray | None:
-        """The first messages of a type, raw; None where there are none with all of these fields."""
+        """The first messages of a type, raw; None if there are none with all of these fields."""
         found = self.named(name)
         if found is None or not set(fields) <= set(found[0].fields):
             return None
@@ -120,7 +120,7 @@ def _read(path: Path, scope: Scope) -> Log:
     """Groups `ATT`, `IMU[0]`, ... with columns `ATT.Roll`; time since boot.
 
     The attribute start_epoch_s is the time since 1970 at which that clock was 0, from the first fix of the GPS;
-    servo_functions is the parameter SERVOn_FUNCTION of each output.
+    servo_functions has the parameter SERVOn_FUNCTION of each output.
     """
     content = mapped(path)
     data = np.frombuffer(content, np.uint8)
@@ -157,7 +157,7 @@ def _read(path: Path, scope: Scope) -> Log:
 
 
 def _indexed(content: mmap.mmap, progress: Callable[[float, str], None]) -> _Contents:
-    """Where messages start.  One counts where another, or the end of the file, follows it."""
+    """The starts of messages; a message counts if another one, or the end of the file, follows it."""
     kinds = {_FMT: _Kind("FMT", "BBnNZ", ("Type", "Length", "Name", "Format", "Columns"), 89)}
     lengths = [0] * 256
     lengths[_FMT] = 89
@@ -197,14 +197,14 @@ def _definition(body: bytes) -> tuple[int, _Kind]:
 
 
 def _add_units(contents: _Contents, data: np.ndarray) -> None:
-    """Units and instances, from the log's own UNIT, MULT and FMTU."""
+    """Add units and instances from the log's own UNIT, MULT and FMTU messages."""
     units = contents.table(data, "UNIT", "Id", "Label")
     factors = contents.table(data, "MULT", "Id", "Mult")
     of_kinds = contents.table(data, "FMTU", "FmtType", "UnitIds", "MultIds")
     if units is None or of_kinds is None:
         return
     labels = {chr(int(row["Id"]) & 0xFF): text_of(row["Label"]) for row in units}
-    # some versions log 0.01 as the double of a single, 0.0099999998
+    # some versions log 0.01 as a single-precision number, 0.0099999998
     mults = {} if factors is None else {chr(int(row["Id"]) & 0xFF): float(f"{row['Mult']:.7g}") for row in factors}
     for row in of_kinds:
         kind = contents.kinds.get(int(row["FmtType"]))
@@ -222,7 +222,7 @@ def _add_units(contents: _Contents, data: np.ndarray) -> None:
 
 
 def _unit_of(label: str, mult: float) -> tuple[str, float]:
-    """The unit and factor of a label and what FMTU says the number is to be multiplied by."""
+    """The unit and factor for a label and the multiplier that FMTU states."""
     ours = UNITS.get(label, (label, 1.0))[0]
     if mult in _PREFIXES:
         prefix = _PREFIXES[mult]
@@ -231,7 +231,7 @@ def _unit_of(label: str, mult: float) -> tuple[str, float]:
 
 
 def _groups(kind: _Kind, starts: np.ndarray, data: np.ndarray, scope: Scope) -> Iterator[Group]:
-    """The group of a type of messages, or one for each instance of it."""
+    """The group of a type of messages, or one for each of its instances."""
     parts = [(kind.name, starts)]
     code = _CODES[kind.codes[kind.fields.index(kind.instance)]][0] if kind.instance else ""
     if kind.instance and code[-2] in "iu":

@@ -1,4 +1,4 @@
-"""Slocum logs as text, as dbd2asc writes them: a header, names, units and sizes of the sensors, then a row a cycle.
+"""Slocum logs as text by dbd2asc: a header; names, units and sizes of the sensors; then one row per cycle.
 
 dba_merge joins the texts of flight and science; each row then has one of the two clocks.
 Source: Slocum Glider Operators Manual, Teledyne Webb Research, "dbd2asc" and "dba_merge".
@@ -15,7 +15,7 @@ import numpy as np
 from auv_gym.records.log import Format, Group, Log, Scope
 from auv_gym.records.readers.slocum import CLOCKS, current_cycles, unit_of_sensor
 
-_LONGEST: Final = 1 << 20  # bytes of a line; some thousand sensors take a tenth of it
+_LONGEST: Final = 1 << 20  # bytes of a line; several thousand sensors take a tenth of it
 _BLOCK: Final = 2000  # lines at once
 
 
@@ -24,7 +24,7 @@ def _recognises(path: Path, head: bytes) -> bool:
 
 
 def _read(path: Path, scope: Scope) -> Log:
-    """The log in a text of dbd2asc; its sensors are one group, NaN where one was not updated in a cycle."""
+    """The log in a text of dbd2asc; its sensors are one group, NaN if a sensor was not updated in a cycle."""
     size, notes = path.stat().st_size, []
     with path.open("rb") as file:
         fields, names, units = _header(file)
@@ -106,7 +106,7 @@ def _lines(file: BinaryIO) -> list[str]:
 
 
 def _numbers(lines: list[str], width: int, begin: int, last: bool) -> tuple[np.ndarray, bool]:
-    """The rows of some lines, and whether the last line of the file was cut short and is left out."""
+    """The rows of some lines, and whether the file's last line was cut short and left out."""
     if not lines:
         return np.zeros((0, width)), False
     try:
@@ -140,7 +140,7 @@ def _time(table: np.ndarray, clocks: list[int]) -> np.ndarray:
 
 
 def _rest(file: BinaryIO, size: int, width: int, clocks: list[int]) -> tuple[int, float | None]:
-    """How many rows follow, and the time of the last, without reading them all as numbers."""
+    """The number of rows that follow, and the time of the last, without parsing all of them."""
     rows, tail = 0, b""
     while chunk := file.read(1 << 20):
         rows += chunk.count(b"\n")

@@ -1,6 +1,6 @@
-"""MAT files up to version 7: the vectors of equal length in each structure, or among the variables, that has a time.
+"""MAT files up to version 7: vectors of equal length in each structure, or among the variables, that has a time.
 
-scipy reads them; it builds arrays and dicts alone and runs nothing.  Source: MATLAB MAT-File Format, MathWorks.
+scipy reads them; it only builds arrays and dicts and runs nothing.  Source: MATLAB MAT-File Format, MathWorks.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def _is_hdf5(head: bytes) -> bool:
 def _read(path: Path, scope: Scope) -> Log:
     """The log in a MAT file; every group has its time among its columns.
 
-    Where no set of vectors has one by its name, all sets come, for a mapping to name it.
+    If no set of vectors has a time by name, all sets are returned, so that a mapping can name it.
     """
     with path.open("rb") as file:
         if _is_hdf5(file.read(520)):
@@ -43,7 +43,7 @@ def _read(path: Path, scope: Scope) -> Log:
     scope.progress(0.0, f"reading {path.name}")
     try:
         content = loadmat(path, simplify_cells=True)
-    except Exception as error:  # what a damaged file raises depends on where it is damaged
+    except Exception as error:  # a damaged file may raise almost anything
         raise ValueError(f"The MAT file is damaged or cut short ({error}): save it again with -v7.") from error
     variables = {name: value for name, value in content.items() if not name.startswith("__")}
     sets = {"": variables} | {name: value for name, value in variables.items() if isinstance(value, dict)}
@@ -60,7 +60,7 @@ def _read(path: Path, scope: Scope) -> Log:
     for name, found in (timed or vectors).items():
         if scope.wants(name):
             columns = _equally_long(name, found, notes)
-            if len(timed) > 1:  # one structure a kind of message
+            if len(timed) > 1:  # one structure for each kind of message
                 columns = {f"{name}.{key}": column for key, column in columns.items()}
             rows = len(next(iter(columns.values())))
             groups.append(Group(name, {key: column[: scope.most] for key, column in columns.items()}, rows=rows))
@@ -68,7 +68,7 @@ def _read(path: Path, scope: Scope) -> Log:
 
 
 def _equally_long(name: str, vectors: Mapping[str, np.ndarray], notes: list[str]) -> dict[str, Column]:
-    """The vectors as long as the one that holds time, or as most are; raises where none is as long as time."""
+    """The vectors as long as the one that holds time, or as most are; raises if none is as long as time."""
     lengths = {key: len(vector) for key, vector in vectors.items()}
     time = next(filter(_is_time, vectors), None)
     counted = list(lengths.values())
@@ -92,7 +92,7 @@ def _is_vector(value: Any) -> bool:
 
 
 def _column(vector: np.ndarray) -> Column:
-    """Numbers, or text; cells that all hold a number become numbers."""
+    """Numbers, or text; cells that each hold a number become numbers."""
     if vector.dtype.kind in "fiub":
         return vector
     try:

@@ -1,4 +1,4 @@
-"""Telemetry logs of ground stations (`.tlog`): MAVLink frames, each after its time.
+"""Telemetry logs of ground stations (`.tlog`): MAVLink frames, each preceded by its time.
 
 The package pymavlink (the extra `ardupilot`) has the definitions of messages.  Times are those of the log, s since
 1970, in the order of the rows.  Source: mavlink.io, "Packet Serialization" and "File Formats".
@@ -30,11 +30,11 @@ from auv_gym.records.readers.ardupilot import (
 )
 from auv_gym.records.readers.opening import mapped
 
-_MOST_SUMS = 50_000  # checksums by which a lone frame is told from damage, before the rest is given up: about a second
-_FRAME = struct.Struct("<BBBxxBBHB")  # marker, payload's length, flags, system, component, message (version 2)
+_MOST_SUMS = 50_000  # checksums computed to tell lone frames from damage before the rest is given up: about a second
+_FRAME = struct.Struct("<BBBxxBBHB")  # marker, payload length, flags, system, component, message (version 2)
 _V1, _V2 = 0xFE, 0xFD
 _HEADS = {_V1: 6, _V2: 10}
-_LATEST = 4.1e15  # microseconds since 1970: the year 2099; what is later is no time stamp
+_LATEST = 4.1e15  # microseconds since 1970: the year 2099; a larger number is not a time stamp
 _TYPES: Final = {"b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "q": "<i8", "Q": "<u8",
                  "f": "<f4", "d": "<f8"}  # fmt: skip
 _TEXTS: Final = ("STATUSTEXT", "PARAM_VALUE")
@@ -42,7 +42,7 @@ _GROUND_STATION, _NO_AUTOPILOT = 6, 8  # MAV_TYPE_GCS, MAV_AUTOPILOT_INVALID
 
 
 class _Sender(NamedTuple):
-    """What frames of one kind share: version, message, and who sent them."""
+    """The common properties of a kind of frames: version, message, and sender."""
 
     marker: int
     message: int
@@ -51,7 +51,7 @@ class _Sender(NamedTuple):
 
 
 def _recognises(path: Path, head: bytes) -> bool:
-    """Whether the file begins with a time and a frame, and, if there is more, another time and frame."""
+    """Whether the file begins with a time and a frame, followed by another pair if there is more."""
     end = _end(head, 0)
     if end == 0 or int.from_bytes(head[:8], "big") > _LATEST:
         return False
@@ -59,7 +59,7 @@ def _recognises(path: Path, head: bytes) -> bool:
 
 
 def _end(content: bytes | mmap.mmap, at: int) -> int:
-    """Where a time and its frame end; 0 where none starts here."""
+    """The end of a time and its frame; 0 if none starts here."""
     if at + 8 + _FRAME.size > len(content):
         return 0
     marker, length, flags, *_ = _FRAME.unpack_from(content, at + 8)
@@ -71,12 +71,12 @@ def _end(content: bytes | mmap.mmap, at: int) -> int:
 def _read(path: Path, scope: Scope) -> Log:
     """Groups `ATTITUDE`, ... with columns `ATTITUDE.roll`; time since 1970, by the clock of the ground station.
 
-    Where several senders use one message, those other than the autopilot have theirs in `HEARTBEAT(1.100)`, by system
-    and component; heartbeats of ground stations are left out.  Where a message tells instances, other ones than 0 are
+    If several senders use one message, senders other than the autopilot have theirs in `HEARTBEAT(1.100)`, by system
+    and component; heartbeats of ground stations are left out.  If a message has instances, those other than 0 are
     `BATTERY_STATUS[1]` or `NAMED_VALUE_FLOAT[PilotGain]`.
     """
     try:
-        ardupilotmega = import_module("pymavlink.dialects.v20.ardupilotmega")  # 20,000 lines, which nobody types
+        ardupilotmega = import_module("pymavlink.dialects.v20.ardupilotmega")  # 20,000 lines without types
     except ImportError as error:
         raise missing_extra("Telemetry logs (.tlog)", "pymavlink", "ardupilot") from error
     messages = {number: _Message.of(message) for number, message in ardupilotmega.mavlink_map.items()}
@@ -114,17 +114,17 @@ def _read(path: Path, scope: Scope) -> Log:
 
 @dataclass(frozen=True)
 class _Message:
-    """A message as MAVLink defines it: the structure of its payload, and how its numbers become columns."""
+    """A message as MAVLink defines it: the structure of its payload, and the conversion of its numbers to columns."""
 
     name: str
     dtype: np.dtype
-    seed: int  # of the checksum: it covers the definition
+    seed: int  # of the checksum, which also covers the definition
     units: dict[str, str]
     instance: str
 
     @staticmethod
     def of(definition: Any) -> _Message:
-        """From the library's class."""
+        """The message for a class of the library."""
         fields = []
         codes = definition.native_format.decode().lstrip("<>=")
         for name, code, elements in zip(definition.ordered_fieldnames, codes, definition.array_lengths, strict=True):
@@ -138,7 +138,7 @@ class _Message:
         )
 
     def columns(self, prefix: str) -> dict[str, Number]:
-        """Its numbers, by the name of the column."""
+        """Its numeric fields, by the name of the column."""
         columns: dict[str, Number] = {}
         for name in self.dtype.names or ():
             kind = self.dtype[name]
@@ -155,7 +155,7 @@ class _Message:
     def rows(
         self, data: np.ndarray, pieces: list[tuple[_Sender, np.ndarray]], most: int | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The payloads, in the order of the file, and their times in microseconds; without those with a wrong checksum.
+        """The payloads, in the order of the file, and their times in microseconds; wrong checksums are left out.
 
         Fields that an older version or a shortened frame does not have are 0, as MAVLink defines.
         """
@@ -182,7 +182,7 @@ class _Message:
 def _frames(
     content: mmap.mmap, messages: dict[int, _Message], progress: Callable[[float, str], None]
 ) -> tuple[dict[_Sender, np.ndarray], list[str]]:
-    """Where frames start, with the time before them, by what they are and who sent them."""
+    """The starts of frames, with the time before them, by kind and sender."""
     found: dict[int, array] = {}
     size, sums = len(content), 0
     search = Search(size, progress)
@@ -193,7 +193,7 @@ def _frames(
         if marker == _V2:
             end = at + 20 + length + (13 if flags & 1 else 0)
             key = ((low | high << 16) << 17) | system << 9 | component << 1 | 1
-        elif marker == _V1:  # whose head is shorter: sequence, system, component, message
+        elif marker == _V1:  # shorter header: sequence, system, component, message
             end = at + 16 + length
             key = content[at + 13] << 17 | content[at + 11] << 9 | content[at + 12] << 1
         else:
@@ -216,7 +216,7 @@ def _frames(
             break
         enough = search.misses() or sums >= _MOST_SUMS
         for marker, place in ahead.items():
-            if place < at + 9:  # one `find` over the whole rest where there is none, not one a try
+            if place < at + 9:  # one `find` over the whole rest if there is none, instead of one per attempt
                 place = content.find(bytes((marker,)), at + 9)
                 ahead[marker] = place if place >= 0 else size + 8
         following = size if enough else min(ahead.values()) - 8
@@ -266,7 +266,7 @@ def _parts(
 def _instances(
     message: _Message, sender: _Sender, at: np.ndarray, data: np.ndarray
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """The frames of each instance, under what its name ends in: nothing for instance 0."""
+    """The frames of each instance, by the suffix of its name: none for instance 0."""
     if not message.instance:
         yield "", at
         return
@@ -276,7 +276,7 @@ def _instances(
     )
     lengths = data[at + 9].astype(np.int64) - offset
     raw = values.view(np.uint8).reshape(at.size, -1)
-    raw[np.arange(raw.shape[1]) >= lengths[:, None]] = 0  # a shortened frame ends in zeros that were not sent
+    raw[np.arange(raw.shape[1]) >= lengths[:, None]] = 0  # a shortened frame omits trailing zeros
     for value in np.unique(values):
         label = text_of(value.item()) if isinstance(value.item(), bytes) else str(value) if value else ""
         yield f"[{label}]" if label else "", at[values == value]
@@ -290,7 +290,7 @@ def _group(
     data: np.ndarray,
     most: int | None,
 ) -> tuple[Group | None, int]:
-    """A group, and how many messages of it are left out; None where none is left."""
+    """A group, and the number of its messages that were left out; None if none remains."""
     rows, stamps = message.rows(data, pieces, most)
     count = sum(at.size for _, at in pieces)
     wanted = count if most is None else min(most, count)
@@ -312,7 +312,7 @@ def _group(
 
 
 def _crc_table() -> np.ndarray:
-    """What a byte does to the checksum CRC-16/MCRF4XX: polynomial 0x1021, reflected."""
+    """The effect of a byte on the checksum CRC-16/MCRF4XX: polynomial 0x1021, reflected."""
     table = np.arange(256, dtype=np.uint16)
     for _ in range(8):
         table = np.where(table & 1, table >> 1 ^ 0x8408, table >> 1).astype(np.uint16)
@@ -324,7 +324,7 @@ _CRC_LIST = _CRC.tolist()
 
 
 def _checksums(raw: np.ndarray, lengths: np.ndarray, seed: int) -> np.ndarray:
-    """Whether the checksum of each frame is right: of all bytes after the marker, up to each one's length."""
+    """Whether each frame's checksum is right; it covers all bytes after the marker, up to the frame's length."""
     crc = np.full(raw.shape[0], 0xFFFF, np.uint16)
     for k in range(1, int(lengths.max(initial=0))):
         crc = np.where(k < lengths, crc >> 8 ^ _CRC[(crc ^ raw[:, k]) & 0xFF], crc)
@@ -334,7 +334,7 @@ def _checksums(raw: np.ndarray, lengths: np.ndarray, seed: int) -> np.ndarray:
 
 
 def _sum_is_right(frame: bytes, seed: int) -> bool:
-    """The same of one frame, which may be signed."""
+    """Whether the checksum of a single frame, which may be signed, is right."""
     end = _HEADS[frame[0]] + frame[1]
     crc = 0xFFFF
     for byte in frame[1:end]:

@@ -1,7 +1,7 @@
-"""Logs from MCAP files, which ROS 2 and others record: messages of ROS 1, of ROS 2 (CDR) and in JSON.
+"""Logs from MCAP files, as recorded by ROS 2 and others: messages of ROS 1, of ROS 2 (CDR) and in JSON.
 
-Records are parsed by mcap and definitions of messages by rosbags (the extra `ros`); nothing in a file is run.  A file
-that was never finished has no summary, and is then read from its start as far as it goes.
+Records are parsed by mcap and definitions of messages by rosbags (the extra `ros`); nothing in a file is run.  An
+unfinished file has no summary, and is read from its start as far as possible.
 Source: mcap.dev/spec.
 """
 
@@ -28,7 +28,7 @@ _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _CHUNK_INDEX, _STATISTICS = 2, 3, 
 _FOOTER_SIZE = 9 + 20 + len(_MAGIC)
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _RECORD_HEAD = struct.Struct("<BQ")
-_LANGUAGES = ("ros1msg", "ros2msg", "ros2idl", "omgidl")  # of definitions
+_LANGUAGES = ("ros1msg", "ros2msg", "ros2idl", "omgidl")  # of message definitions
 
 Data = bytes | mmap.mmap
 
@@ -42,7 +42,7 @@ def _read(path: Path, scope: Scope) -> Log:
 
 
 def read_files(paths: Sequence[Path], source: Path, scope: Scope, form: str) -> Log:
-    """The log in one MCAP file, or in several that follow each other; source, form: of the log."""
+    """The log in one MCAP file, or in consecutive ones; source, form: of the log."""
     try:
         import mcap.records
         import rosbags.typesys  # noqa: F401
@@ -64,7 +64,7 @@ def read_files(paths: Sequence[Path], source: Path, scope: Scope, form: str) -> 
 
 
 class _File:
-    """A file while it is being read: its schemas and channels, and where the messages of each go."""
+    """A file being read: its schemas and channels, and the destination of each channel's messages."""
 
     def __init__(self, data: mmap.mmap, records: Any, topics: Topics, name: str) -> None:
         self._data = data
@@ -92,7 +92,7 @@ class _File:
         return self._notes
 
     def _summary(self) -> list[Any] | None:
-        """The index of chunks at the file's end, None where a finished file has none; takes note of the channels."""
+        """The index of chunks at the file's end, None if a finished file has none; registers the channels."""
         data = self._data
         at = len(data) - _FOOTER_SIZE
         if at < len(_MAGIC) or data[-len(_MAGIC) :] != _MAGIC or data[at] != _FOOTER:
@@ -120,7 +120,7 @@ class _File:
         return chunks if channels and chunks and all(chunk.message_index_offsets for chunk in chunks) else None
 
     def _span(self, channel: int, chunks: Sequence[Any]) -> tuple[float, float] | None:
-        """First and last time of a channel, from the indices of the first and the last chunk that have it."""
+        """First and last time of a channel, from the indices of the first and last chunks that contain it."""
         mine = [chunk.message_index_offsets[channel] for chunk in chunks if channel in chunk.message_index_offsets]
         times: list[int] = []
         for at in {mine[0], mine[-1]} if mine else ():
@@ -211,13 +211,13 @@ class _File:
 
 
 def _records(data: Data, at: int, end: int) -> Iterator[tuple[int, int, int]]:
-    """The kind of each record, and where its content begins and ends; raises Damaged where there is none."""
+    """The kind of each record, and the bounds of its content; raises Damaged if there is no record."""
     while at < end:
         if at + 9 > end:
             raise Damaged
         kind, size = _RECORD_HEAD.unpack_from(data, at)
         at += 9
-        if kind == 0 or size > end - at:  # zero is the kind of no record
+        if kind == 0 or size > end - at:  # zero is not a kind of record
             raise Damaged
         yield kind, at, at + size
         at += size

@@ -1,4 +1,4 @@
-"""Logs of MOOS (.alog): text with one publication a line, `time VARIABLE SOURCE value`, below comments with LOGSTART.
+"""Logs of MOOS (.alog): text with one publication per line, `time VARIABLE SOURCE value`, after a LOGSTART comment.
 
 Source: pLogger of MOOS (CMOOSLogger::DoBanner) and logutils of MOOS-IvP.  MOOS states no units.
 """
@@ -16,15 +16,15 @@ import numpy as np
 from auv_gym.records.log import Format, Group, Log, Scope
 
 _MOST_BAD = 100_000  # lines
-_FIRST = b"0123456789+-.nNiID"  # what numbers can begin with; `float` is slow to refuse a text
+_FIRST = b"0123456789+-.nNiID"  # first characters of numbers; `float` is slow to refuse a text
 _BLOCK = 1 << 20  # bytes read at once
-_LONGEST_LINE = 1 << 16  # bytes that are kept of a line that goes on over blocks: such lines are grids, images, damage
-_ABSOLUTE = 1000.0  # s before LOGSTART from which a time counts from 1970 itself, as MOOS-IvP takes it
+_LONGEST_LINE = 1 << 16  # bytes kept of a line longer than a block: such lines are grids, images or damage
+_ABSOLUTE = 1000.0  # s before LOGSTART; a time further back counts from 1970 itself, as in MOOS-IvP
 
 
 @dataclass
 class _Variable:
-    """What was published under a name: times and numbers as far as they are wanted, how many, and how many texts."""
+    """The publications under a name: times and numbers, as many as needed, their count, and the count of texts."""
 
     wanted: float
     times: array = field(default_factory=lambda: array("d"))
@@ -40,7 +40,7 @@ def _is_alog(path: Path, head: bytes) -> bool:
 
 
 def _read(path: Path, scope: Scope) -> Log:
-    """A group and column for each variable with numbers; time since 1970, or since the log began without LOGSTART."""
+    """One group and column for each variable with numbers; time since 1970, or since the start without LOGSTART."""
     variables: dict[bytes, _Variable] = {}
     start, bad = 0.0, 0
     most = math.inf if scope.most is None else max(scope.most, 1)
@@ -48,7 +48,7 @@ def _read(path: Path, scope: Scope) -> Log:
     for line in _lines(path, scope, notes):
         cells = line.split(None, 3)
         if len(cells) == 4 and (variable := variables.get(cells[1])) and variable.numbers >= variable.wanted:
-            variable.numbers += 1  # enough of it: only count
+            variable.numbers += 1  # enough samples: only count
             variable.last = cells[0]
         elif line.startswith(b"%"):
             start = _log_start(line) or start
@@ -84,7 +84,7 @@ def _read(path: Path, scope: Scope) -> Log:
 
 
 def _lines(path: Path, scope: Scope, notes: list[str]) -> Iterator[bytes]:
-    """The whole lines of a file; of one that goes on over blocks, only the first and last part."""
+    """The whole lines of a file; of a line longer than a block, only the first and last part."""
     rest, done = b"", 0
     try:
         size = path.stat().st_size
@@ -102,7 +102,7 @@ def _lines(path: Path, scope: Scope, notes: list[str]) -> Iterator[bytes]:
 
 
 def _log_start(comment: bytes) -> float:
-    """The time in `%% LOGSTART 1699999999.5`, s; 0 where a comment holds none."""
+    """The time in `%% LOGSTART 1699999999.5`, s; 0 if a comment holds none."""
     _, found, rest = comment.partition(b"LOGSTART")
     return (_number(rest.strip()) if found else None) or 0.0
 
@@ -111,10 +111,10 @@ def _number(cell: bytes) -> float | None:
     try:
         value = float(cell)
     except ValueError:
-        if not cell.startswith(b"D:"):  # which stands before numbers where pLogger marks types
+        if not cell.startswith(b"D:"):  # prefix of numbers if pLogger marks types
             return None
         return _number(cell[2:])
-    return value if b"_" not in cell else None  # digits in groups are numbers to Python, not to MOOS
+    return value if b"_" not in cell else None  # Python accepts grouped digits as numbers, MOOS does not
 
 
 def _group(name: str, variable: _Variable, start: float) -> Group:

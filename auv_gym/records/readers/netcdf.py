@@ -1,4 +1,4 @@
-"""NetCDF files of any make: the variables along each dimension that has a time, as one group a dimension.
+"""NetCDF files from any source: the variables along each dimension with a time, as one group per dimension.
 
 Source: CF conventions 1.11, sections 4.4 (time) and 9 (trajectories and profiles).
 """
@@ -19,7 +19,7 @@ from auv_gym.records.readers.seaglider import is_seaglider
 
 _CLOCKS: Final = ("m_present_time", "sci_m_present_time")  # of a Slocum, s since 1970, as dbd2netcdf writes them
 _NO_UNIT: Final = frozenset({"", "1", "nodim", "enum", "bool", "byte", "lat", "lon", "timestamp"})
-_SALINITY_UNITS: Final = frozenset({"1", "1e-3", "1e-03", "0.001", "psu", "g/kg"})  # of practical salinity, by CF
+_SALINITY_UNITS: Final = frozenset({"1", "1e-3", "1e-03", "0.001", "psu", "g/kg"})  # of practical salinity in CF
 _ABBREVIATED: Final = {"s": "seconds", "sec": "seconds", "min": "minutes", "h": "hours", "hr": "hours", "d": "days"}
 _KEPT: Final = ("title", "id", "platform_id", "platform", "wmo_id", "wmo_platform_code", "dive_number")
 
@@ -29,9 +29,9 @@ def _recognises(path: Path, head: bytes) -> bool:
 
 
 def _read(path: Path, scope: Scope) -> Log:
-    """The log in a NetCDF file; where no dimension has a time, each is a group without, for a mapping to name one.
+    """The log in a NetCDF file; if no dimension has a time, each is a group without one, so that a mapping can name it.
 
-    A variable of two dimensions comes as columns name[0], name[1], ... if the second is short, as text if it holds
+    A variable of two dimensions becomes columns name[0], name[1], ... if the second is short, or text if it holds
     characters.
     """
     with open_netcdf(path) as file:
@@ -67,7 +67,7 @@ def _is_signal(variable: Variable) -> bool:
 
 
 def _clock(dim: str, variables: list[Variable]) -> list[Variable]:
-    """The variable that holds the time along a dimension, or the two clocks of a Slocum; empty where there is none."""
+    """The variable that holds the time along a dimension, or the two clocks of a Slocum; empty if there is none."""
     found = {variable.name: variable for variable in variables if len(variable.shape) == 1 and not variable.is_text}
     slocum = [found[name] for name in _CLOCKS if name in found and " since " not in found[name].unit()]
     since = [variable for variable in found.values() if " since " in variable.unit()]
@@ -92,7 +92,7 @@ def _is_understood(variable: Variable) -> bool:
 
 
 def _is_named_time(variable: Variable) -> bool:
-    """Whether it is called time and says its unit."""
+    """Whether it is named time and states its unit."""
     if variable.name.lower() not in DATED:
         return False
     if " since " in variable.unit():
@@ -135,7 +135,7 @@ def _columns(variable: Variable, most: int | None) -> dict[str, Column]:
     if " since " in variable.unit():
         try:
             return {variable.name: _since_1970(variable)[:most]}
-        except ValueError:  # not the clock of the group, so nothing hangs on it
+        except ValueError:  # harmless, as it is not the group's clock
             return {}
     values = variable.numbers(most)
     if values.ndim == 1:
@@ -144,7 +144,7 @@ def _columns(variable: Variable, most: int | None) -> dict[str, Column]:
 
 
 def _unit(variable: Variable) -> str | None:
-    """The unit that the file states, where it is one."""
+    """The unit that the file states, if it is a unit."""
     unit = variable.unit()
     if " since " in unit:
         return "s"
@@ -164,7 +164,7 @@ def _seconds(variable: Variable) -> np.ndarray:
 
 
 def _since_1970(variable: Variable) -> np.ndarray:
-    import xarray as xr  # knows the calendars; takes half a second to import
+    import xarray as xr  # handles calendars; takes half a second to import
 
     unit, _, origin = variable.unit().partition(" since ")
     attrs = {"units": f"{_ABBREVIATED.get(unit.strip().lower(), unit)} since {origin}"}
@@ -174,7 +174,7 @@ def _since_1970(variable: Variable) -> np.ndarray:
         moment = xr.Variable(("row",), np.asarray(variable.numbers(), dtype=float), attrs)
         decoded = xr.decode_cf(xr.Dataset({"moment": moment}))["moment"].values
         return (decoded.astype("datetime64[ns]") - np.datetime64(0, "ns")) / np.timedelta64(1, "s")
-    except Exception as error:  # what xarray raises depends on the calendar
+    except Exception as error:  # the exception depends on the calendar
         raise ValueError(
             f"The times in {variable.name!r} cannot be read ({error}): give seconds, as time_s."
         ) from error

@@ -1,6 +1,6 @@
-"""The variables of a NetCDF file, classic (by scipy) or version 4 (an HDF5 file, by h5py), each read when asked for.
+"""The variables of a NetCDF file, classic (by scipy) or version 4 (HDF5, by h5py), each read on demand.
 
-xarray is not used: it takes seconds to open the hundreds of variables that gliders' files have.
+xarray is not used: it takes seconds to open the hundreds of variables in gliders' files.
 Source: NetCDF User's Guide, appendix "File Format Specifications"; CF conventions 1.11, sections 2.5 and 8.1.
 """
 
@@ -20,12 +20,12 @@ import numpy as np
 HDF5_MAGIC: Final = b"\x89HDF\r\n\x1a\n"
 CLASSIC_MAGIC: Final = b"CDF"
 _NEVER_WRITTEN: Final = 9.9692099683868690e36  # NC_FILL_FLOAT and NC_FILL_DOUBLE
-_MOST_VALUES: Final = 200_000_000  # of a variable; no log has as many, but a damaged header may say so
+_MOST_VALUES: Final = 200_000_000  # of a variable; a larger size means a damaged header
 
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable: its dimensions without those of length one that stand before others, and what reads it."""
+    """A variable: its dimensions, without leading ones of length one, and the function that reads it."""
 
     name: str
     dims: tuple[str, ...]
@@ -39,7 +39,7 @@ class Variable:
         """The attributes: numbers, text, or lists of them."""
         try:
             return {str(name): _plain(value) for name, value in self._attrs().items()}
-        except Exception as error:  # what a damaged file raises depends on where it is damaged
+        except Exception as error:  # a damaged file may raise almost anything
             raise _damaged(error) from error
 
     @property
@@ -53,7 +53,7 @@ class Variable:
         return unit.strip() if isinstance(unit, str) else ""
 
     def numbers(self, most: int | None = None) -> np.ndarray:
-        """The values, as far as the first rows, scaled and with NaN for fill values as the attributes say."""
+        """The values of the first rows (default all), scaled, with NaN for fill values, as the attributes say."""
         values = self._rows(most)
         fills = [fill for name in ("_FillValue", "missing_value") for fill in np.ravel(self.attrs.get(name, []))]
         fills = [float(fill) for fill in fills if isinstance(fill, int | float | np.number) and np.isfinite(fill)]
@@ -67,11 +67,11 @@ class Variable:
         return np.where(missing, np.nan, floats * factor + offset)
 
     def number(self) -> float:
-        """The one value of a variable without dimensions, or of length one; NaN where it has more or none."""
+        """The single value of a variable without dimensions or of length one; NaN if there are more or none."""
         return float(np.ravel(self.numbers())[0]) if not self.is_text and math.prod(self.shape) == 1 else math.nan
 
     def text(self) -> str:
-        """The text of a variable of characters along one dimension, or of one string."""
+        """The text of a variable of characters along one dimension, or of a single string."""
         return "".join(self.lines() if len(self.shape) == 1 else map(_text, np.ravel(self._rows(None)))).strip("\0 ")
 
     def lines(self, most: int | None = None) -> list[str]:
@@ -104,7 +104,7 @@ class NetcdfFile:
 
 @contextmanager
 def open_netcdf(path: Path) -> Generator[NetcdfFile]:
-    """The file while it is open; raises ValueError where it is no NetCDF or damaged, whatever is raised meanwhile."""
+    """The open file; raises ValueError if it is not NetCDF or damaged, whatever error occurs meanwhile."""
     with path.open("rb") as file:
         magic = file.read(8)
     if magic.startswith(CLASSIC_MAGIC):
@@ -132,7 +132,7 @@ def open_netcdf(path: Path) -> Generator[NetcdfFile]:
 
 
 def span_of(time: np.ndarray) -> tuple[float, float] | None:
-    """The first and the last of some times that are known; None where none is."""
+    """The first and the last known time; None if there is none."""
     known = time[np.isfinite(time)]
     return (float(known[0]), float(known[-1])) if known.size else None
 
@@ -157,7 +157,7 @@ def _open_hdf5(path: Path) -> Any:
 def _classic(handle: Any) -> NetcdfFile:
     variables = {}
     for name, found in handle.variables.items():
-        # by name, not by object: what refers to the mapped file would keep it from being closed
+        # by name, not by object: a reference to the mapped file would keep it open
         lead = _ones(found.shape)
         variables[name] = Variable(
             name,
@@ -179,7 +179,7 @@ def _hdf5(handle: Any) -> NetcdfFile:
         for name, found in handle.items()
         if isinstance(found, h5py.Dataset) and found.dtype.kind in "fiubSUO"
     }
-    # a dimension is referred to by its place in the file; to ask h5py for the name instead takes ms each
+    # dimensions are referenced by address; asking h5py for their names takes ms each
     names = {h5o.get_info(found.id).addr: name for name, found in datasets.items()}
     variables = {}
     for name, found in datasets.items():
@@ -199,7 +199,7 @@ def _hdf5(handle: Any) -> NetcdfFile:
 
 
 def _hdf5_dims(handle: Any, name: str, found: Any, names: dict[int, str]) -> tuple[str, ...] | None:
-    """The names of a dataset's dimensions; None where it only names a dimension and holds nothing."""
+    """The names of a dataset's dimensions; None if it only names a dimension and holds nothing."""
     h5o, h5r = import_module("h5py.h5o"), import_module("h5py.h5r")
     attrs = found.attrs
     if "DIMENSION_LIST" in attrs:
@@ -216,7 +216,7 @@ def _hdf5_dims(handle: Any, name: str, found: Any, names: dict[int, str]) -> tup
 
 
 def _ones(shape: tuple[int, ...]) -> int:
-    """How many dimensions of length one stand before others."""
+    """Number of leading dimensions of length one."""
     lead = 0
     while lead < len(shape) - 1 and shape[lead] == 1:
         lead += 1

@@ -1,4 +1,4 @@
-"""Files as bytes that are read when they are needed, and the chunks of ROS logs unpacked."""
+"""Memory-mapped files, and decompression of the chunks of ROS logs."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import bz2
 import mmap
 from pathlib import Path
 
-LARGEST_CHUNK = 1 << 30  # bytes; recorders write less than a hundredth of that
+LARGEST_CHUNK = 1 << 30  # bytes; recorders write less than a hundredth of this
 
 
 class Damaged(Exception):
-    """What is no record of the format, or no chunk that can be unpacked."""
+    """Raised for bytes that are not a record of the format, or a chunk that cannot be decompressed."""
 
 
 def mapped(path: Path) -> mmap.mmap:
-    """The bytes of a file, mapped into memory; raises ValueError where it is empty or cannot be opened."""
+    """The bytes of a file, mapped into memory; raises ValueError if it is empty or cannot be opened."""
     try:
         with path.open("rb") as file:
             return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
@@ -25,7 +25,7 @@ def mapped(path: Path) -> mmap.mmap:
 
 
 def unpacked(chunk: bytes, compression: bytes, size: int) -> bytes:
-    """The content of a compressed chunk that states its size; raises Damaged where it cannot be unpacked."""
+    """The content of a compressed chunk that states its size; raises Damaged if it cannot be decompressed."""
     if size > LARGEST_CHUNK:
         raise Damaged
     try:
@@ -40,6 +40,6 @@ def unpacked(chunk: bytes, compression: bytes, size: int) -> bytes:
 
             with ZstdDecompressor().stream_reader(chunk) as stream:
                 return stream.read(size)
-    except Exception as error:  # what these raise has no common base
+    except Exception as error:  # the possible exceptions have no common base
         raise Damaged from error
     raise Damaged

@@ -1,4 +1,4 @@
-"""The bytes of ROS messages as columns of numbers, thousands of messages at a time.
+"""Decoding of ROS messages into columns of numbers, thousands of messages at a time.
 
 Source: OMG DDS-XTypes 1.3, sec. 7.4.1 (CDR, which ROS 2 writes); wiki.ros.org/msg (ROS 1, the same without padding).
 """
@@ -23,7 +23,7 @@ from auv_gym.records.readers.ros_types import (
     Unreadable,
 )
 
-_MOST_STEPS = 20_000  # through the fields of one message; what needs more is no signal
+_MOST_STEPS = 20_000  # through the fields of one message; a message with more is not a signal
 _NUMBERS = {
     "bool": "u1", "byte": "u1", "char": "u1", "octet": "u1", "int8": "i1", "uint8": "u1", "int16": "i2",
     "uint16": "u2", "int32": "i4", "uint32": "u4", "int64": "i8", "uint64": "u8", "float32": "f4", "float64": "f8",
@@ -31,7 +31,7 @@ _NUMBERS = {
 
 
 def from_bytes(topic: Topic, types: Types, raws: Sequence[bytes], received: np.ndarray) -> Block:
-    """The columns of messages: those that are laid out alike are taken apart together."""
+    """The columns of messages; messages with the same layout are decoded together."""
     n = len(raws)
     good = np.zeros(n, dtype=bool)
     stamps = np.full(n, np.nan)
@@ -78,7 +78,7 @@ def from_bytes(topic: Topic, types: Types, raws: Sequence[bytes], received: np.n
 
 
 class _Numbers(NamedTuple):
-    """Where a number, or the elements of an array (count is not None), stand in a message."""
+    """The position of a number, or of the elements of an array (count is not None), in a message."""
 
     name: str
     offset: int
@@ -91,7 +91,7 @@ class _Numbers(NamedTuple):
         return [self.name] if self.count is None else [f"{self.name}[{k}]" for k in range(self.count)]
 
     def values(self, table: np.ndarray) -> np.ndarray:
-        """(messages, count) of messages as rows of bytes."""
+        """Its values, (messages, count), in messages given as rows of bytes."""
         if self.dtype.endswith("time"):
             parts = [
                 np.ascontiguousarray(table[:, at : at + 4]).view(f"{self.dtype[0]}{kind}").astype(float)
@@ -104,10 +104,10 @@ class _Numbers(NamedTuple):
 
 
 class _Walk:
-    """A walk through the bytes of one message, which finds where its numbers stand.
+    """A walk through the bytes of one message that finds the positions of its numbers.
 
-    lengths: where the lengths of its strings and arrays stand: messages with the same are laid out alike.
-    Raises ValueError where the bytes are not what the definition says.
+    lengths: positions of the lengths of its strings and arrays; messages with the same lengths have the same layout.
+    Raises ValueError if the bytes do not match the definition.
     """
 
     def __init__(self, raw: bytes, topic: Topic, types: Types) -> None:
@@ -119,7 +119,7 @@ class _Walk:
         self._order = "<"
         self.lengths: list[int] = []
         self.numbers: list[_Numbers] = []
-        self.known: list[_Numbers] = []  # by the name of a field, the number that is -1 where it is not known
+        self.known: list[_Numbers] = []  # by the name of a field, the number that is -1 if the field is unknown
         self.long: set[str] = set()
         self.stamp: _Numbers | None = None
         self.frame = ""
@@ -146,7 +146,7 @@ class _Walk:
         return self._types[kind]
 
     def _field(self, path: str, what: Any, unit: str, quiet: bool, header: bool = False) -> None:
-        """Step over a field; quiet: without noting its numbers; header: that of the message, whose time is its own."""
+        """Step over a field; quiet: without recording its numbers; header: whether it is the message's header."""
         self._steps += 1
         if self._steps > _MOST_STEPS:
             raise Unreadable(f"a message of it has more than {_MOST_STEPS} fields")

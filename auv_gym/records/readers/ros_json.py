@@ -76,7 +76,7 @@ def _flatten(path: str, value: Any, row: dict[str, Any]) -> None:
 
 
 def _json_time(value: Any) -> float | None:
-    """Seconds, of what has a field for them and one for nanoseconds; None where it is something else."""
+    """Seconds of a value with fields for seconds and nanoseconds; None for anything else."""
     if not isinstance(value, dict) or len(value) != 2:
         return None
     for whole, parts in (("sec", "nanosec"), ("sec", "nsec"), ("secs", "nsecs"), ("seconds", "nanos")):

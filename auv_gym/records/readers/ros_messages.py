@@ -19,14 +19,14 @@ from auv_gym.records.readers.ros_types import NO_SIGNALS, Block, Topic, Unreadab
 ENCODINGS = ("ros1", "cdr", "json")
 _BLOCK = 4096  # messages that are decoded at once
 _BLOCK_BYTES = 16_000_000
-_UNSTEADY = 0.5  # s; stamps that wander by more against the recorder's clock are not of one clock with it
-_SAME_CLOCK = 1.0  # s; a smaller offset is the time that a message takes to the recorder, not another clock
+_UNSTEADY = 0.5  # s; stamps that deviate more from the recorder's clock do not run with it
+_SAME_CLOCK = 1.0  # s; a smaller offset is transmission time, not another clock
 _FIRST_LOOK = 3.0  # s
 _SHOWN = 6  # names in a note
 
 
 class Topics:
-    """The topics of a log while it is being read: it takes raw messages, and makes groups and notes of them."""
+    """The topics of a log being read: takes raw messages, and makes groups and notes of them."""
 
     def __init__(self, scope: Scope) -> None:
         self._scope = scope
@@ -35,10 +35,10 @@ class Topics:
         self._began = self._last = time.monotonic()
 
     def samples(self, topic: Topic) -> Samples | None:
-        """Where the messages of a topic go; None where they are not wanted, or left out."""
+        """The destination of a topic's messages; None if they are not needed, or left out."""
         name = "/".join(part for part in topic.name.split("/") if part)
         known = self._samples.get(name)
-        if known is not None:  # of another publisher, or in the next file of a bag
+        if known is not None:  # from another publisher, or in the next file of a bag
             if (known.topic.type, known.topic.encoding) != (full_type(topic.type), topic.encoding):
                 self._left_out[f"{name} as {topic.type}"] = f"it is also a topic of {known.topic.type}"
                 return None
@@ -55,21 +55,21 @@ class Topics:
 
     @property
     def enough(self) -> bool:
-        """Whether a first look may end, at a file without an index: every topic so far is full, or it took too long."""
+        """Whether a first look at a file without an index may end: all topics so far are full, or it took too long."""
         if self._scope.most is None:
             return False
         full = all(samples.full for samples in self._samples.values())
         return (full and bool(self._samples)) or time.monotonic() > self._began + _FIRST_LOOK
 
     def progress(self, fraction: float, words: str) -> None:
-        """Tell the scope how far reading has come, twice a second at most."""
+        """Report the progress of reading to the scope, at most twice a second."""
         now = time.monotonic()
         if now - self._last > 0.5:
             self._last = now
             self._scope.progress(min(max(fraction, 0.0), 1.0), words)
 
     def log(self, form: str, path: Path, notes: Iterable[str] = ()) -> Log:
-        """The log; raises ValueError where a file holds nothing that can be read."""
+        """The log; raises ValueError if a file holds nothing readable."""
         groups: list[Group] = []
         clocks: dict[str, list[str]] = {}
         more: list[str] = []
@@ -108,7 +108,7 @@ class Topics:
 
 
 class Samples:
-    """The messages of a topic, decoded a block at a time; raises Unreadable where they cannot be."""
+    """The messages of a topic, decoded block by block; raises Unreadable if they cannot be decoded."""
 
     def __init__(self, topic: Topic, most: int | None) -> None:
         self.topic = topic
@@ -126,12 +126,12 @@ class Samples:
 
     @property
     def full(self) -> bool:
-        """Whether a first look has enough of them."""
+        """Whether a first look has enough messages."""
         return self._unreadable is not None or (self._most is not None and self._added >= self._most)
 
     @property
     def room(self) -> int | None:
-        """How many more are wanted; None: all that there are."""
+        """The number of messages still needed; None: all."""
         if self._unreadable is not None:
             return 0
         return None if self._most is None else max(self._most - self._added, 0)
@@ -152,7 +152,7 @@ class Samples:
             self._flush()
 
     def group(self) -> tuple[Group, str]:
-        """Their columns, and words for a note on where time comes from, with {} for the topic."""
+        """The group, and words for a note on the origin of its times, with {} for the topic."""
         self._flush()
         if self._unreadable is not None:
             raise self._unreadable
@@ -184,7 +184,7 @@ class Samples:
         return Group(self.topic.name, columns, seconds, units, self.topic.type, frame, rows, span), clock
 
     def notes(self) -> list[str]:
-        """A line each on what is missing of the group."""
+        """A line for each thing that is missing in the group."""
         long = {name for block in self._blocks for name in block.long}
         lines = [f"{self.topic.name}: {_long_words(long)}."] if long else []
         lines += [f"{field} is left out where its covariance says that it is not known." for field in self._unknown()]
@@ -209,7 +209,7 @@ class Samples:
         self._blocks.append(block)
 
     def _decoded(self, raws: Sequence[bytes], received: np.ndarray) -> Block:
-        """The messages by the definition that fits the first of them."""
+        """Decode the messages by the definition that fits the first of them."""
         block, why = None, Unreadable("")
         for decode in chain([self._decode], self._decoders):
             try:
@@ -243,10 +243,10 @@ def _decoders(topic: Topic) -> Iterator[Callable[[Sequence[bytes], np.ndarray], 
 
 
 def _clock(received: np.ndarray, stamps: np.ndarray) -> tuple[np.ndarray, str]:
-    """The time of each message, s, and where it comes from: its stamp, unless that is of no use.
+    """The time of each message, s, and its origin: the stamp, unless stamps are unusable.
 
-    Stamps are of use where all are set and run with the recorder's clock.  Where they count from another start they
-    are moved by their median offset, so that one clock holds for all topics.
+    Stamps are usable if all are set and run with the recorder's clock.  If they count from another start, they are
+    shifted by their median offset, so that all topics share one clock.
     """
     if not stamps.size or np.isnan(stamps).all():
         return received, "Time is the time of reception in {}, whose messages have no stamp."

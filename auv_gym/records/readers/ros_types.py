@@ -1,4 +1,4 @@
-"""Types of ROS messages: which hold signals, in which units, and the fields that their definitions name.
+"""Types of ROS messages: which hold signals, in which units, and the fields in their definitions.
 
 Definitions are parsed by rosbags, and never run: rosbags itself would run Python code generated from them.
 Sources: wiki.ros.org/msg (ROS 1), REP 103 (units and axes).
@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-_LONGEST_DEFINITION = 200_000  # characters; those of the largest standard messages have 20 000
+_LONGEST_DEFINITION = 200_000  # characters; the largest standard messages have 20 000
 
 HEADER = "std_msgs/msg/Header"
 LAYOUT = "std_msgs/msg/MultiArrayLayout"
@@ -47,7 +47,7 @@ NO_SIGNALS = {
     "foxglove.SceneUpdate": "drawings",
     "foxglove.Log": "text",
 }
-# By owner and field; what a field holds has its unit.
+# The unit of a field's content, by owner and field.
 _NAVIGATION = {
     "body_velocity": "m/s",
     "gbody_velocity": "m/s",
@@ -78,7 +78,7 @@ UNITS: dict[str, dict[str, str]] = {
     "auv_msgs/msg/NavSts": _NAVIGATION,
     "cola2_msgs/msg/NavSts": _NAVIGATION,
 }
-# Their field x is not known where the first element of x_covariance is -1: so sensor_msgs says.
+# Their field x is unknown if the first element of x_covariance is -1, according to sensor_msgs.
 MAY_BE_UNKNOWN = ("sensor_msgs/msg/Imu",)
 
 Types = Mapping[str, Sequence[tuple[str, Any]]]  # message type -> names and descriptions of its fields, as rosbags has
@@ -88,8 +88,8 @@ Types = Mapping[str, Sequence[tuple[str, Any]]]  # message type -> names and des
 class Topic:
     """A topic as a file announces it.
 
-    definition: of its messages, in the language of .msg or, if idl, of .idl; '' where the file has none.
-    rows, span: how many messages, and the times of reception of the first and the last, s; 0 and None: not known.
+    definition: of its messages, in the language of .msg or, if idl, of .idl; '' if the file has none.
+    rows, span: number of messages, and times of reception of the first and the last, s; 0 and None if unknown.
     """
 
     name: str
@@ -102,11 +102,11 @@ class Topic:
 
 
 class Unreadable(Exception):
-    """The reason why a topic is left out, for a sentence that ends in it."""
+    """The reason why a topic is left out; it completes a sentence."""
 
 
 class Block(NamedTuple):
-    """Some messages of a topic as columns: of those whose bytes are what the definition says."""
+    """Some messages of a topic as columns; messages that do not match the definition are left out."""
 
     received: np.ndarray
     stamps: np.ndarray
@@ -120,7 +120,7 @@ class Block(NamedTuple):
 
 @lru_cache(maxsize=512)
 def parsed(definition: str, kind: str, idl: bool) -> Types:
-    """The fields of a type and of those that it uses; nothing in the definition is run."""
+    """The fields of a type and of the types that it uses; nothing in the definition is run."""
     from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
     if len(definition) > _LONGEST_DEFINITION:
@@ -154,6 +154,6 @@ def _store(store: Any) -> Types:
 
 
 def full_type(kind: str) -> str:
-    """sensor_msgs/msg/Imu, also of sensor_msgs/Imu, as ROS 1 has it."""
+    """The full name sensor_msgs/msg/Imu, also for ROS 1's sensor_msgs/Imu."""
     package, slash, name = kind.partition("/")
     return f"{package}/msg/{name}" if slash and "/" not in name else kind

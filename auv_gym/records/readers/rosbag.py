@@ -1,7 +1,7 @@
 """Logs from ROS bags: `.bag` files of ROS 1, and folders or `.db3` files of ROS 2.
 
-A ROS 1 bag is read by its chunks and the index behind each of them, so that one which was never closed is read as far
-as it goes.  Bags of ROS 2 are opened by rosbags (the extra `ros`).  Nothing in a bag is run.
+A ROS 1 bag is read chunk by chunk with the index after each, so that a bag that was not closed is read as far as
+possible.  Bags of ROS 2 are opened by rosbags (the extra `ros`).  Nothing in a bag is run.
 Source: wiki.ros.org/Bags/Format/2.0.
 """
 
@@ -70,7 +70,7 @@ def _read_ros1(path: Path, scope: Scope) -> Log:
 
 @dataclass(frozen=True)
 class _Chunk:
-    """Where a chunk lies in the file, and the index behind it: for each connection, the messages in it."""
+    """The position of a chunk, and the index after it: for each connection, the messages in the chunk."""
 
     compression: bytes
     size: int
@@ -80,7 +80,7 @@ class _Chunk:
 
 
 class _Bag:
-    """The chunks and connections of a bag, by one pass over its records that skips the messages."""
+    """The chunks and connections of a bag, from one pass over its records that skips the messages."""
 
     def __init__(self, data: mmap.mmap) -> None:
         self._data = data
@@ -98,7 +98,7 @@ class _Bag:
         if not self.notes and not self._closed:
             self.notes.append(_OPEN)
         for number, chunk in enumerate(self.chunks):
-            if chunk.index.keys() - self._connections.keys():  # of a bag that was not closed
+            if chunk.index.keys() - self._connections.keys():  # the bag was not closed
                 self._scan(number)
         self.rows: dict[int, int] = {}
         for chunk in self.chunks:
@@ -106,7 +106,7 @@ class _Bag:
                 self.rows[connection] = self.rows.get(connection, 0) + len(entries)
 
     def topic(self, connection: int) -> Topic | None:
-        """The topic of a connection, with how many messages it has, and when."""
+        """The topic of a connection, with the number and times of its messages."""
         topic = self._connections.get(connection)
         if topic is None:
             return None
@@ -116,7 +116,7 @@ class _Bag:
         return Topic(topic.name, topic.type, "ros1", topic.definition, rows=self.rows[connection], span=span)
 
     def read(self, number: int, sinks: Mapping[int, Samples]) -> int:
-        """Hand the messages of a chunk to those who want them; returns how many of them are damaged."""
+        """Pass the messages of a chunk to their sinks; returns how many of them are damaged."""
         chunk = self.chunks[number]
         wanted = {connection: chunk.index[connection] for connection in chunk.index.keys() & sinks.keys()}
         wanted = {connection: entries[: sinks[connection].room] for connection, entries in wanted.items()}
@@ -138,11 +138,11 @@ class _Bag:
         return lost
 
     def _step(self, at: int) -> int:
-        """Take note of the record at a byte; returns where the next one begins."""
+        """Register the record at a byte; returns the start of the next one."""
         data = self._data
         fields, start, end = _record(data, at, len(data))
         kind = fields[b"op"][0]
-        if kind == _CHUNK and (end > len(data) or end == start):  # the recorder writes the length when it closes it
+        if kind == _CHUNK and (end > len(data) or end == start):  # the length is written when the chunk is closed
             self._salvage(fields, start)
             return len(data)
         if end > len(data) or kind not in (_CHUNK, _INDEX, _CONNECTION, _CHUNK_INFO, _BAG):
@@ -154,26 +154,26 @@ class _Bag:
             self.chunks[-1].index[_U32.unpack(fields[b"conn"])[0]] = entries
         elif kind == _CONNECTION:
             self._connect(fields, data, start, end)
-        elif kind == _BAG:  # says where the connections begin, or 0
+        elif kind == _BAG:  # gives the position of the connections, or 0
             self._closed = 0 < struct.unpack("<Q", fields[b"index_pos"])[0] < len(data)
         return end
 
     def _body(self, chunk: _Chunk) -> tuple[bytes | mmap.mmap, int, int]:
-        """What holds the records of a chunk, and where in it they begin and end."""
+        """The bytes that hold the records of a chunk, and where these begin and end."""
         if chunk.compression == b"none":
             return self._data, chunk.start, chunk.end
         body = unpacked(self._data[chunk.start : chunk.end], chunk.compression, chunk.size)
         return body, 0, len(body)
 
     def _salvage(self, fields: Mapping[bytes, bytes], start: int) -> None:
-        """Take the messages of the last chunk of a bag that was not closed."""
+        """Recover the messages in the last chunk of a bag that was not closed."""
         self.notes.append(_OPEN)
         if fields.get(b"compression") == b"none":
             self.chunks.append(_Chunk(b"none", 0, start, len(self._data)))
             self._scan(len(self.chunks) - 1, index=True)
 
     def _scan(self, number: int, index: bool = False) -> None:
-        """Find the connections in a chunk, and its messages where it has no index."""
+        """Find the connections in a chunk, and its messages if it has no index."""
         chunk = self.chunks[number]
         found: dict[int, list[tuple[int, int, int]]] = {}
         try:
@@ -191,7 +191,7 @@ class _Bag:
                     found.setdefault(_U32.unpack(fields[b"conn"])[0], []).append((s, ns, at - base))
                 at = stop
         except (Damaged, LookupError, struct.error, ValueError):
-            pass  # what came before counts
+            pass  # keep what was found before
         if index:
             chunk.index.update({connection: np.array(entries, dtype=_ENTRY) for connection, entries in found.items()})
 
@@ -205,7 +205,7 @@ class _Bag:
 
 
 def _record(data: bytes | mmap.mmap, at: int, end: int) -> tuple[dict[bytes, bytes], int, int]:
-    """The header of a record, and where its data begin and end."""
+    """The header of a record, and the bounds of its data."""
     if at + 8 > end:
         raise Damaged
     (size,) = _U32.unpack_from(data, at)
@@ -228,7 +228,7 @@ def _header_fields(data: bytes | mmap.mmap, at: int, end: int) -> dict[bytes, by
 
 
 def _message(body: bytes | mmap.mmap, at: int, end: int) -> bytes:
-    """The bytes of the message at an offset of the index, which may be that of a connection before it."""
+    """The bytes of the message at an offset of the index; a connection record may come first."""
     while True:
         fields, start, stop = _record(body, at, end)
         if stop > end:
@@ -261,12 +261,12 @@ def _read_ros2(path: Path, scope: Scope) -> Log:
             return topics.log(ROS2.name, path, notes)
     except ValueError as error:
         raise error if str(path) in str(error) else _refusal(path, error) from error
-    except Exception as error:  # of the database, the metadata or rosbags
+    except Exception as error:  # errors of the database, the metadata or rosbags
         raise _refusal(path, error) from error
 
 
 def _collect(reader: Any, topics: Topics, scope: Scope, name: str, notes: list[str]) -> None:
-    """Hand the messages of an open bag to its topics; a line to notes where it ends early."""
+    """Pass the messages of an open bag to its topics; adds a note if it ends early."""
     spans = dict(_spans(reader)) if scope.most is not None else {}
     sinks: dict[tuple[str, str], Samples] = {}
     for connection in reader.connections:

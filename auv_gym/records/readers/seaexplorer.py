@@ -1,9 +1,9 @@
-"""Files of SeaExplorer gliders: text with `;` between cells, one file a yo, of the vehicle (gli) or its payload (pld1).
+"""Files of SeaExplorer gliders: text with `;` between cells, one file per yo, of vehicle (gli) or payload (pld1).
 
 Names are `SEA035.10.gli.sub.36` (sent home) or `sea035.10.pld1.raw.36.gz` (from the glider after recovery): glider,
 mission, computer, kind and number of the yo.  Source: ALSEAMAR, SeaExplorer user manual, as read by pyglider.  The
 files state no units; those here are the manual's.  Times are UTC.  Latitudes and longitudes are written as degrees and
-minutes (5138.149 is 51 degrees 38.149 minutes), and come in degrees.
+minutes (5138.149 is 51 degrees 38.149 minutes), and are converted to degrees.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ _UNITS: Final = {
     "NAV_LONGITUDE": "deg", "NAV_DEPTH": "m", "GPCTD_TEMPERATURE": "degC", "GPCTD_PRESSURE": "dbar",
     "LEGATO_TEMPERATURE": "degC", "LEGATO_PRESSURE": "dbar", "LEGATO_SALINITY": "psu",
 }  # fmt: skip
-# What stands for no value: no echo, no target
+# Codes for a missing value: no echo, no target
 _NONE: Final = {"Altitude": -1.0, "DesiredH": -9999.0}
 _NO_PAYLOAD_VALUE = 9999.0
 _DATE = re.compile(rb"(\d\d)/(\d\d)/(\d{4}) (\d\d):(\d\d):(\d\d)(\.\d{1,6})?")
 _NAME = re.compile(r"\.(?:gli|pld\d?)\.(?:sub|raw)(?:\.(\d+))?(?:\.gz)?$", re.IGNORECASE)
 _LONGEST_LINE = 1 << 14  # bytes
-_MOST_BAD = 10_000  # lines, or parts of a longer one; a file has some thousand rows
+_MOST_BAD = 10_000  # lines, or parts of a longer one; a file has a few thousand rows
 
 
 def _is_seaexplorer(path: Path, head: bytes) -> bool:
@@ -90,7 +90,7 @@ def _read(path: Path, scope: Scope) -> Log:
 
 
 def _lines(path: Path, scope: Scope, notes: list[str]) -> Iterator[bytes]:
-    """The lines of a file, decompressed where it is; ends with a note where the compressed file is cut short."""
+    """The lines of a file, decompressed if necessary; adds a note if the compressed file is cut short."""
     try:
         with path.open("rb") as raw:
             packed = raw.read(2) == b"\x1f\x8b"
@@ -108,7 +108,7 @@ def _lines(path: Path, scope: Scope, notes: list[str]) -> Iterator[bytes]:
 
 
 def _row(line: bytes, width: int) -> list[float] | None:
-    """Time, s since 1970, and cells, NaN where empty; None where the line is damaged."""
+    """Time, s since 1970, and cells, NaN if empty; None if the line is damaged."""
     cells = line.rstrip(b"\r\n").split(b";")
     date = _DATE.fullmatch(cells[0])
     if len(cells) != width or date is None:
@@ -133,7 +133,7 @@ def _group(header: list[str], time: np.ndarray, cells: np.ndarray, rows: int, la
         if name in columns:
             columns[name] = _degrees(columns[name])
     for latitude, longitude in (_POSITIONS[:2], _POSITIONS[2:]):
-        if latitude in columns and longitude in columns:  # 0, 0 before the first fix
+        if latitude in columns and longitude in columns:  # 0, 0 means no fix yet
             unknown = (columns[latitude] == 0.0) & (columns[longitude] == 0.0)
             columns[latitude][unknown] = columns[longitude][unknown] = np.nan
     units = {name: _UNITS[name] for name in columns if name in _UNITS}
@@ -142,7 +142,7 @@ def _group(header: list[str], time: np.ndarray, cells: np.ndarray, rows: int, la
 
 
 def _degrees(written: np.ndarray) -> np.ndarray:
-    """Degrees, of degrees and minutes that are written as one number: -12820.536 is -(128 + 20.536 / 60)."""
+    """Degrees from degrees and minutes written as one number: -12820.536 is -(128 + 20.536 / 60)."""
     whole = np.trunc(written / 100.0)
     return whole + (written - 100.0 * whole) / 60.0
 

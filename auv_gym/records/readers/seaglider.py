@@ -1,8 +1,8 @@
-"""Dives of Seagliders, one NetCDF file each, as the operators' basestation software writes them.
+"""Dives of Seagliders, one NetCDF file each, as written by the operators' basestation software.
 
 Heading is magnetic; pitch is positive nose up.  The battery's position and roll, and the volume of the buoyancy device
 (VBD), count from the pilots' centres ($C_PITCH, $C_ROLL_DIVE and $C_ROLL_CLIMB, $C_VBD), in cm, deg and cm3.  Pilots
-move $C_VBD from dive to dive; `vbd_from_largest` counts from the largest volume, $VBD_MIN, where that is known.
+change $C_VBD between dives; `vbd_from_largest` counts from the largest volume, $VBD_MIN, if that is known.
 Sources: Seaglider Parameter Reference Manual, University of Washington, 2012 ($PITCH_CNV, $ROLL_CNV, $VBD_CNV);
 Seaglider Quality Control Manual, University of Washington (flags); basestation3 of APL-UW, which names the variables.
 """
@@ -29,10 +29,10 @@ from auv_gym.records.readers.netcdf_variables import (
 
 _SAMPLES: Final = "sg_data_point"  # the dimension that every dive's file has
 _CLOCKS: Final = ("time", "ctd_time", "gc_st_secs", "log_gps_time")
-# Units by the format's definition.  They overrule the attribute `units`, which is wrong for densities (g/m^3, the
-# values are some 1027), glide_angle (cm/s in files of 2008), gc_vbd_ctl (cm) and the temperature of optical sensors
-# (degrees_Celsius, the values are counts); others have none.  The attribute of eng_depth, cm, is right in the files
-# seen.  None: no unit is certain.
+# Units by the format's definition.  They override the attribute `units`, which is wrong for densities (g/m^3 for values
+# around 1027), glide_angle (cm/s in files of 2008), gc_vbd_ctl (cm) and the temperature of optical sensors
+# (degrees_Celsius for counts), and missing for others.  The attribute of eng_depth, cm, is right in the files seen.
+# None: no unit is certain.
 _UNITS: Final[dict[str, str | None]] = {
     "eng_depth": "cm", "eng_head": "deg", "eng_pitchAng": "deg", "eng_rollAng": "deg", "eng_pitchCtl": "cm",
     "eng_rollCtl": "deg", "eng_vbdCC": "cm3", "depth": "m", "ctd_depth": "m", "pressure": "dbar",
@@ -43,16 +43,16 @@ _UNITS: Final[dict[str, str | None]] = {
 }  # fmt: skip
 _SPELLINGS: Final = {"degrees_Celsius": "degC", "seconds": "s", "meters": "m", "kg/m^3": "kg/m3", "1": None}
 _BAD: Final = (3, 4, 6, 9)  # probably bad, bad, unsampled, missing
-# flags that judge more variables than the one that they are named after
+# flags that also apply to variables other than their namesake
 _JUDGED: Final = {
     "salinity_qc": ("salinity", "density", "density_insitu", "sigma_t", "sigma_theta", "sound_velocity", "theta",
                     "absolute_salinity", "conservative_temperature", "gsw_sigma0", "gsw_sigma3", "gsw_sigma4"),
     "speed_qc": ("speed", "glide_angle", "horz_speed", "vert_speed"),
     "log_gps_qc": ("log_gps_lat", "log_gps_lon"),
 }  # fmt: skip
-_NOT_KNOWN: Final = ("log_gps_driftspeed", "log_gps_driftheading", "log_gps_n_satellites", "log_gps_hpe")  # -1 then
+_NOT_KNOWN: Final = ("log_gps_driftspeed", "log_gps_driftheading", "log_gps_n_satellites", "log_gps_hpe")  # -1: unknown
 _MOTORS: Final = ("pitch", "vbd", "roll")  # they move one after the other, in this order
-_TURNING: Final = 1024  # the flag of an event during autonomous turning: then in the next one
+_TURNING: Final = 1024  # flag of an event during autonomous turning; the turn is then in the next event
 _WHEN_TURNING: Final = ("roll", "pitch", "vbd")
 _END_OF_DIVE: Final = 1  # among gc_state_state
 _OTHER_CONSTANTS: Final = re.compile(r"sg_cal_(optode|wl|sbe43|calibcomm|comm_|QC_|remap)")  # of other sensors
@@ -63,7 +63,7 @@ def is_seaglider(path: Path, head: bytes) -> bool:
     """Whether a file is a dive of a Seaglider, by its dimensions and attributes."""
     if not is_netcdf(head):
         return False
-    if head.startswith(CLASSIC_MAGIC):  # the dimensions stand first in a classic file
+    if head.startswith(CLASSIC_MAGIC):  # in a classic file, the dimensions come first
         return _SAMPLES.encode() in head
     if head[:8] != HDF5_MAGIC:
         return False
@@ -72,12 +72,12 @@ def is_seaglider(path: Path, head: bytes) -> bool:
     try:
         with h5py.File(path, "r") as file:
             return _SAMPLES in file and "dive_number" in file.attrs
-    except Exception:  # damaged, for which h5py has no error of its own; NetCDF says so
+    except Exception:  # damaged; h5py has no specific error for this, and the NetCDF reader reports it
         return False
 
 
 def _read(path: Path, scope: Scope) -> Log:
-    """The log of a dive; samples whose flag says bad are NaN, and counted in the notes."""
+    """The log of a dive; samples flagged as bad are NaN and counted in the notes."""
     with open_netcdf(path) as file:
         along: dict[str, list[Variable]] = {}
         for variable in file.variables.values():
@@ -134,7 +134,7 @@ def _unit(variable: Variable) -> str | None:
 
 
 def _drop_bad(file: NetcdfFile, dim: str, columns: dict[str, Column], notes: list[str]) -> None:
-    """Makes samples that are flagged as bad NaN, and notes how many had a value."""
+    """Replace samples that are flagged as bad by NaN, and note how many had a value."""
     for flags in file.variables.values():
         if not flags.name.endswith("_qc") or flags.dims[:1] != (dim,):
             continue
@@ -153,7 +153,7 @@ def _drop_bad(file: NetcdfFile, dim: str, columns: dict[str, Column], notes: lis
 
 
 def _rebuilt(file: NetcdfFile, time: np.ndarray, notes: list[str]) -> dict[str, tuple[str, np.ndarray]]:
-    """What newer gliders do not log by sample, from the events in which the motors moved."""
+    """Signals that newer gliders do not log by sample, rebuilt from the events in which the motors moved."""
     sought = {
         "battery_position_cm": ("eng_pitchCtl", "pitch", "cm"),
         "battery_roll_deg": ("eng_rollCtl", "roll", "deg"),
@@ -185,9 +185,10 @@ def _rebuilt(file: NetcdfFile, time: np.ndarray, notes: list[str]) -> dict[str, 
 
 
 def neutral_volume(constants: Mapping[str, float]) -> float | None:
-    """The volume of the VBD at the pilots' $C_VBD, cm3, from its largest one on (so it is negative); None if unknown.
+    """The volume of the VBD at the pilots' $C_VBD, cm3, relative to its largest one (so negative); None if unknown.
 
-    constants: attributes of a dive's log.  The operators' own limits and counts (`sg_cal_`) go before the glider's.
+    constants: attributes of a dive's log.  The operators' own limits and counts (`sg_cal_`) take precedence over the
+    glider's.
     """
     at, least = constants.get("log_C_VBD"), constants.get("sg_cal_vbd_min_cnts", constants.get("log_VBD_MIN"))
     counts = constants.get("sg_cal_vbd_cnts_per_cc")
@@ -196,7 +197,7 @@ def neutral_volume(constants: Mapping[str, float]) -> float | None:
 
 
 def _number_of(file: NetcdfFile) -> dict[str, float]:
-    """What the file says of the VBD's counts, as far as it does."""
+    """The file's constants for the VBD's counts, as far as it has them."""
     names = ("log_C_VBD", "log_VBD_MIN", "log_VBD_MAX", "log_VBD_CNV", "sg_cal_vbd_min_cnts", "sg_cal_vbd_max_cnts")
     read = {name: _number(file, name) for name in (*names, "sg_cal_vbd_cnts_per_cc")}
     return {name: value for name, value in read.items() if np.isfinite(value)}
@@ -214,7 +215,7 @@ def _moves(file: NetcdfFile, motor: str) -> tuple[np.ndarray, np.ndarray] | None
     if begin is None or stop is None:
         return None
     before = of(f"gc_{motor}_ad_start")
-    before = np.concatenate([stop[:1], stop[:-1]]) if before is None else before  # older logs have the ends alone
+    before = np.concatenate([stop[:1], stop[:-1]]) if before is None else before  # older logs have only the ends
     flags = of("gc_gcphase") if "gc_gcphase" in file.variables else of("gc_flags")
     flags = np.zeros(begin.size) if flags is None else np.nan_to_num(flags)
     if any(value is None or value.size != begin.size for value in (stop, before, flags, *seconds.values())):
@@ -234,7 +235,7 @@ def _moves(file: NetcdfFile, motor: str) -> tuple[np.ndarray, np.ndarray] | None
 
 
 def _centre(file: NetcdfFile, motor: str, when: np.ndarray) -> np.ndarray:
-    """The counts that positions count from; those of roll are others going down and going up."""
+    """The counts from which positions are measured; those of roll differ between going down and going up."""
     if motor != "roll":
         return np.full(when.size, _log(file, f"C_{motor.upper()}"))
     states, at = file.variables.get("gc_state_state"), file.variables.get("gc_state_secs")
@@ -256,10 +257,10 @@ def _number(file: NetcdfFile, name: str) -> float:
 
 
 def _attrs(file: NetcdfFile, notes: list[str]) -> Mapping[str, Any]:
-    """Position, magnetic variation (east positive), current, and the operators' constants, as far as they are known.
+    """Position, magnetic variation (positive east), current, and the operators' constants, as far as known.
 
-    The constants stand in the units of the operators' flight model (volmax and vbdbias in cm3, mass in kg), whatever
-    the attribute `units` says: that of volmax is m^3.
+    The constants are in the units of the operators' flight model (volmax and vbdbias in cm3, mass in kg), whatever the
+    attribute `units` says: that of volmax is m^3.
     """
     attrs: dict[str, Any] = {
         "latitude_deg": _number(file, "avg_latitude"),
@@ -282,7 +283,7 @@ def _attrs(file: NetcdfFile, notes: list[str]) -> Mapping[str, Any]:
             known[name] = file.attrs[name]
     fixes = [file.variables.get(f"log_gps_{name}") for name in ("time", "lat", "lon")]
     if all(fix is not None and fix.shape == (3,) for fix in fixes):
-        # the last fix before the dive, the first after it
+        # the last fix before the dive, and the first after it
         table = np.column_stack([fix.numbers() for fix in fixes if fix is not None])[1:]
         if np.isfinite(table).all():
             known[FIXES] = table.ravel().tolist()
@@ -297,7 +298,7 @@ def _attrs(file: NetcdfFile, notes: list[str]) -> Mapping[str, Any]:
 
 
 def _variation(file: NetcdfFile) -> float:
-    """Magnetic variation, deg, east positive: the file's own, or the last but empty field of a line of the GPS."""
+    """Magnetic variation, deg, positive east: the file's own, or the last non-empty field of a GPS line."""
     variation = _number(file, "magnetic_variation")
     if np.isfinite(variation):
         return variation

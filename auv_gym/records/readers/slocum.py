@@ -1,8 +1,8 @@
-"""Binary logs of Slocum gliders (.dbd, .mbd, .sbd and, of the science computer, .ebd, .nbd, .tbd; .?cd compressed).
+"""Binary logs of Slocum gliders (.dbd, .mbd, .sbd; science computer: .ebd, .nbd, .tbd; .?cd if compressed).
 
-A log has cycles of some seconds; in each, the sensors that were updated have a value.  dbdreader (the extra `slocum`)
-reads it, in a process of its own, which runs this file.  Angles are in rad; pitch is positive nose up, roll with the
-port wing up, the fin turns to starboard; m_heading and c_heading are magnetic.
+A log has cycles of a few seconds; in each, the sensors that were updated have a value.  dbdreader (the extra `slocum`)
+reads it in a separate process, which runs this file.  Angles are in rad; pitch is positive nose up, roll with the port
+wing up, the fin turns to starboard; m_heading and c_heading are magnetic.
 Sources: Slocum Glider Operators Manual, Teledyne Webb Research, "Dinkum Binary Data Format"; masterdata (signs, units).
 """
 
@@ -31,17 +31,17 @@ LOGS: Final = {
     "sebastian": "sebastian-2014-204-05-000.dbd",  # German Bight, to 40 m
 }
 CLOCKS: Final = ("m_present_time", "sci_m_present_time")  # s since 1970, of the flight and the science computer
-_NEAR: Final = 60.0  # s; a sensor that is logged less often than this is taken as missing in between
+_NEAR: Final = 60.0  # s; a sensor that is logged less often counts as missing in between
 _TIME_LIMIT: Final = 120.0  # s; the largest log that dbdreader ships takes 0.5 s
-_LARGEST: Final = 1 << 30  # bytes of a log, when decompressed
+_LARGEST: Final = 1 << 30  # bytes of a decompressed log
 _STATES: Final = (np.arange(256)[:, None] >> np.array([6, 4, 2, 0])) & 3  # of four sensors, by their state byte
 _FOLLOWS: Final = (_STATES == 2).astype(np.int64)
 _UPDATED: Final = ((_STATES == 1) | (_STATES == 2)).astype(np.int64)
-_FIRST_LOOK: Final = 4  # times the samples that are wanted, as not every sensor is updated in every cycle
-_LEFT_OUT: Final = 2  # cycles: dbdreader leaves out the first, and `current_cycles` the next
+_FIRST_LOOK: Final = 4  # times the requested samples, since not every sensor is updated in every cycle
+_LEFT_OUT: Final = 2  # cycles: dbdreader omits the first, and `current_cycles` the next
 _ENDINGS: Final = tuple(f".{computer}{packing}" for packing in ("bd", "cd") for computer in "demnst")
 # Sensor lists spell units freely.  Positions (lat, lon) are degrees and minutes in one number, ddmm.mmm; nodim, enum,
-# bool and the like are none.
+# bool and the like are not units.
 _UNITS: Final = {
     "%": "pct", "abstime": "s", "amp": "A", "bar": "bar", "c": "degC", "cc": "cm3", "celsius": "degC", "days": None,
     "deg": "deg", "degc": "degC", "hours": "h", "hz": "Hz", "joules": "J", "km": "km", "m": "m", "m/s": "m/s",
@@ -52,7 +52,7 @@ _UNITS: Final = {
 
 
 def bundled_slocum_log(name: str) -> Path:
-    """The path of a log that dbdreader ships: ammonite, amadeus or sebastian; raises ValueError on another name."""
+    """The path of a log that dbdreader ships: ammonite, amadeus or sebastian; raises ValueError for other names."""
     if name not in LOGS:
         raise ValueError(
             f"dbdreader ships no log {name!r}. {did_you_mean(name, LOGS)}There are slocum:{', slocum:'.join(LOGS)}."
@@ -64,14 +64,14 @@ def bundled_slocum_log(name: str) -> Path:
 
 
 def unit_of_sensor(unit: str) -> str | None:
-    """The unit of a sensor as `auv_gym.channels` spells it; None where it is no unit, or none that is known there."""
+    """The unit of a sensor in the spelling of `auv_gym.channels`; None if it is not a unit known there."""
     return _UNITS.get(unit.strip().lower())
 
 
 def current_cycles(time: np.ndarray) -> np.ndarray:
-    """Which cycles count: not the first, whose values are of before the log was opened (up to minutes earlier).
+    """The cycles that count: not the first, whose values are from before the log was opened (by up to minutes).
 
-    Where the clock was set back, the cycles until it catches up do not count either.
+    If the clock was set back, the cycles until it catches up do not count either.
     """
     if time.size == 0:
         return np.zeros(0, dtype=bool)
@@ -80,14 +80,14 @@ def current_cycles(time: np.ndarray) -> np.ndarray:
 
 
 def _recognises(path: Path, head: bytes) -> bool:
-    # in a compressed log, the first block begins with its length and a token of LZ4
+    # a compressed log's first block begins with its length and an LZ4 token
     plain = head.startswith(b"dbd_label")
     packed = path.suffix.lower() in _ENDINGS and path.suffix[2:].lower() == "cd" and b"dbd_label" in head[:16]
     return (plain or packed) and b"DBD_ASC" not in head[:64]
 
 
 def _read(path: Path, scope: Scope) -> Log:
-    """The log of a flight or science computer: a group for each sensor that has values, named after it."""
+    """The log of a flight or science computer: one group for each sensor with values, named after it."""
     scope.progress(0.0, f"reading {path.name}")
     answer, numbers = _read_apart(path, scope)
     groups, begin = [], 0
@@ -114,8 +114,8 @@ def _dbdreader_folder() -> Path:
 def _read_apart(path: Path, scope: Scope) -> tuple[dict[str, Any], np.ndarray]:
     """Names, row counts and units of the sensors, and their times and values side by side, read in another process.
 
-    dbdreader sets the locale, makes a folder in the user's home and, in its C part, trusts the file: a fault, an
-    endless loop or a write stays in that process, its home is a temporary folder.
+    dbdreader sets the locale, makes a folder in the user's home and, in its C part, trusts the file.  In the separate
+    process, a crash, an endless loop or a write does no harm; its home is a temporary folder.
     """
     places = [path.parent, path.parent / "cache", path.parent / "cac", _dbdreader_folder() / "data" / "cac"]
     places += [Path.home() / ".local/share/dbdreader", Path.home() / ".dbdreader"]
@@ -158,7 +158,7 @@ def _read_apart(path: Path, scope: Scope) -> tuple[dict[str, Any], np.ndarray]:
 
 
 def _main(private: Path) -> None:
-    """Reads the log named in a request; leaves an answer with its numbers, or the words that follow the path."""
+    """Read the log named in a request; leaves an answer with its numbers, or an error text to follow the path."""
     request = json.loads((private / "request.json").read_text())
     try:
         caches = [Path(place) for place in request["caches"]]
@@ -173,7 +173,7 @@ def _main(private: Path) -> None:
 def _answer(
     log: Path, caches: list[Path], wanted: list[str] | None, most: int | None, private: Path
 ) -> tuple[dict[str, Any], np.ndarray]:
-    """What `_read_apart` returns; of a long log of which only the first samples are wanted, the first cycles alone."""
+    """The result of `_read_apart`; if only the first samples of a long log are needed, its first cycles are read."""
     import dbdreader
 
     notes: list[str] = []
@@ -188,7 +188,7 @@ def _answer(
             log.write_bytes(data)
         try:
             reader = dbdreader.DBD(str(log), cacheDir=str(private))
-        except Exception as error:  # a damaged sensor list shows as an IndexError, a wrong one as a DbdError
+        except Exception as error:  # a damaged sensor list raises IndexError, a wrong one DbdError
             raise ValueError(f"has a damaged header or sensor list ({error!r}): copy it again.") from error
         start = reader.fp_binary_start
         clock = reader.timeVariable
@@ -215,7 +215,7 @@ def _answer(
     if late:
         notes.append(f"The clock was set back; {late} cycles until it caught up are left out.")
     gone = np.setdiff1d(time[~counts], time[counts])
-    # as logged: dbdreader would turn positions into degrees
+    # as logged: dbdreader would convert positions to degrees
     found = reader.get(*names, decimalLatLon=False, discardBadLatLon=False) if names else []
     found = [found] if len(names) == 1 else found
     sensors, parts = [], []
@@ -235,7 +235,7 @@ def _answer(
 
 
 def _attrs(reader: Any, header: dict[str, str]) -> dict[str, Any]:
-    """The mission, the latitude, and the magnetic variation, deg, east positive: m_gps_mag_var counts to the west."""
+    """The mission, the latitude, and the magnetic variation, deg, positive east (m_gps_mag_var is positive west)."""
     attrs: dict[str, Any] = {"mission": header["mission_name"]} if header.get("mission_name") else {}
     for name in ("m_lat", "m_gps_lat"):
         if reader.has_parameter(name):
@@ -252,7 +252,7 @@ def _attrs(reader: Any, header: dict[str, str]) -> dict[str, Any]:
 
 
 def _decompressed(packed: mmap.mmap, notes: list[str]) -> bytes:
-    """The log in blocks of LZ4, each after its length in two bytes."""
+    """The log from LZ4 blocks, each preceded by its length in two bytes."""
     import lz4.block
 
     blocks, position, total = [], 0, 0
@@ -268,7 +268,7 @@ def _decompressed(packed: mmap.mmap, notes: list[str]) -> bytes:
             break
         try:
             blocks.append(lz4.block.decompress(block, 32 * 1024))
-        except Exception as error:  # what lz4 raises has no common base in its stubs
+        except Exception as error:  # the exceptions of lz4 have no common base in its stubs
             raise ValueError(f"cannot be decompressed ({error}): it is damaged, copy it again.") from error
         position += 2 + length
         total += len(blocks[-1])
@@ -278,7 +278,7 @@ def _decompressed(packed: mmap.mmap, notes: list[str]) -> bytes:
 
 
 def _header(data: bytes | mmap.mmap) -> dict[str, str]:
-    """The fields of a log's text header; raises unless it is there as a whole."""
+    """The fields of a log's text header; raises unless it is complete."""
     start = data[: 1 << 16]
     if not start.startswith(b"dbd_label"):
         raise ValueError("is no Slocum log: it does not begin with dbd_label. Check its ending.")
@@ -308,11 +308,11 @@ def _fetch_cache(name: str, places: list[Path], private: Path) -> None:
 def _whole_cycles(
     data: bytes | mmap.mmap, start: int, state_bytes: int, sizes: tuple[int, ...]
 ) -> tuple[np.ndarray, int]:
-    """Where the whole cycles begin, and where the last one ends; raises on damage, and where not even two are whole.
+    """The starts of complete cycles, and the end of the last; raises on damage, or if fewer than two are complete.
 
-    A cycle is its state bytes, the changed values, and a tag.  State bytes hold 2 bits per sensor, high bits first; 1
-    means the same value as before, 2 that a value follows.  The tag is 'd' before another cycle and 'X' at the end,
-    which newer gliders leave out.
+    A cycle consists of its state bytes, the changed values, and a tag.  State bytes hold 2 bits per sensor, high bits
+    first; 1 means the same value as before, 2 that a value follows.  The tag is 'd' before another cycle and 'X' at the
+    end; newer gliders omit the latter.
     """
     if data[start : start + 2] != b"sa" or 0x1234 not in (
         int.from_bytes(data[start + 2 : start + 4], order) for order in ("little", "big")
@@ -348,7 +348,7 @@ def _whole_cycles(
 
 
 def _updates(data: bytes | mmap.mmap, begins: np.ndarray, state_bytes: int) -> np.ndarray:
-    """How often each sensor was updated in the cycles that begin there."""
+    """The number of updates of each sensor in the cycles that begin there."""
     content = np.frombuffer(data, dtype=np.uint8)
     bytes_of = np.arange(state_bytes)
     seen = np.zeros((state_bytes, 256), dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Tables in text: a header, rows of numbers, columns divided by comma, semicolon, tab or blanks."""
+"""Tables in text: a header, rows of numbers, columns separated by comma, semicolon, tab or spaces."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from auv_gym.records.mapping import list_of
 from auv_gym.records.readers.opening import mapped
 
 _COMMENTS = (b"#", b"%")
-_FILLED_IN = (-99999.0, -9999.0, -999.0)  # what many write where they have no value; one may be among another
+_FILLED_IN = (-99999.0, -9999.0, -999.0)  # common placeholders for a missing value; a column may have several of them
 _MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
 _BRACKETED = re.compile(r".*\S\s*[\[(]\s*([^\[\]()]+?)\s*[\])]")  # Heading [deg], Depth (m)
 _COMMA = re.compile(r"\s*-?\d+,\d+(?:[eE][-+]?\d+)?\s*")
@@ -28,7 +28,7 @@ def _recognises(path: Path, head: bytes) -> bool:
 
 
 def _read(path: Path, scope: Scope) -> Log:
-    """The table in a text file.  Lines that begin with # or % are comments; a row of units may be below the header."""
+    """The table in a text file; lines with # or % are comments, and a row of units may follow the header."""
     scope.progress(0.0, f"reading {path.name}")
     with closing(mapped(path)) as file:
         if file.find(b"\0") >= 0:
@@ -60,7 +60,7 @@ CSV = Format("CSV or another table in text", (".csv", ".txt", ".tsv", ".dat", ".
 
 
 def numbers_or_text(cells: Iterable[str]) -> Column:
-    """The numbers in some cells, NaN where a cell is empty; the cells themselves if one is neither."""
+    """The numbers in some cells, NaN for an empty cell; the cells themselves if one is neither."""
     cells = list(cells)
     try:
         return np.array(list(map(float, cells)))
@@ -83,7 +83,7 @@ def _header(line: str, delimiter: str) -> list[str]:
             f"The first line holds numbers ({line[:60]!r}): put a header above it that names the columns, such as "
             "time_s,heading_deg,rudder_deg."
         )
-    if header[-1] == "" and len(header) > 1:  # a delimiter at the end of each line
+    if header[-1] == "" and len(header) > 1:  # each line ends with a delimiter
         header[-1] = _END
     repeated = {name for name in header if header.count(name) > 1}
     if repeated or "" in header:
@@ -96,17 +96,17 @@ def _header(line: str, delimiter: str) -> list[str]:
     return header
 
 
-_END = "\0"  # the column behind a delimiter that ends each line
+_END = "\0"  # name of the empty column after a delimiter that ends each line
 
 
 def _is_spaced(lines: list[str]) -> bool:
-    """Whether blanks divide the columns: nothing else is in the header, and the rows have as many words."""
+    """Whether spaces separate the columns: the header has no other separator, and the rows have as many words."""
     words = [len(line.split()) for line in lines]
     return len(lines) == 3 and words[0] > 1 and not set(lines[0]) & set(",;\t") and len(set(words)) == 1
 
 
 def _are_units(below: list[str], following: str, delimiter: str) -> bool:
-    """Whether the row under the header holds units: only text, where the next row has numbers in those columns."""
+    """Whether the row below the header holds units: only text, in columns where the next row has numbers."""
     given = [k for k, cell in enumerate(below) if cell.strip()]
     values = next(csv.reader([following], delimiter=delimiter, skipinitialspace=True))
     if not given or len(values) != len(below):
@@ -116,12 +116,12 @@ def _are_units(below: list[str], following: str, delimiter: str) -> bool:
 
 
 def _is_number(cell: str) -> bool:
-    """Whether a cell holds a number, with a decimal comma or a point, or is empty."""
+    """Whether a cell is empty or holds a number, with a decimal comma or point."""
     return _COMMA.fullmatch(cell) is not None or isinstance(numbers_or_text([cell]), np.ndarray)
 
 
 def _first_lines(content: bytes) -> tuple[list[str], list[int]]:
-    """The first three lines that are not blank, and where each ends, in bytes."""
+    """The first three lines that are not blank, and the end of each, in bytes."""
     lines, ends, at = [], [], 0
     while at < len(content) and len(lines) < 3:
         stop = content.find(b"\n", at)
@@ -141,7 +141,7 @@ def _text(content: bytes) -> str:
 
 
 def _columns(rows: bytes, header: list[str], delimiter: str) -> tuple[dict[str, Column], list[str]]:
-    """The columns by name, and a line for each thing that was left out or taken otherwise than it stands."""
+    """The columns by name, and a line for everything that was left out or changed."""
     rows, notes = _whole_rows(rows, len(header), delimiter)
     columns: dict[str, Column] = {}
     commas: list[str] = []
@@ -162,7 +162,7 @@ def _columns(rows: bytes, header: list[str], delimiter: str) -> tuple[dict[str, 
 
 
 def _whole_rows(rows: bytes, cells: int, delimiter: str) -> tuple[bytes, list[str]]:
-    """The rows without a last one that is cut short; raises if another one has too few or too many cells."""
+    """The rows without an incomplete last one; raises if another row has too few or too many cells."""
     lines = rows.count(b"\n") + (not rows.endswith(b"\n"))
     if b'"' not in rows and b"\n\n" not in rows and rows.count(delimiter.encode()) == lines * (cells - 1):
         return rows, []
@@ -184,12 +184,12 @@ def _whole_rows(rows: bytes, cells: int, delimiter: str) -> tuple[bytes, list[st
 
 
 def _parsed(rows: bytes, cells: int, delimiter: str) -> list[np.ndarray | list[str]]:
-    """The columns of rows that have one number of cells: numbers with NaN where a cell is empty, or text."""
-    import pandas as pd  # not above: it takes as long to import as all that an environment needs
+    """The columns of rows with a fixed number of cells: numbers, with NaN for an empty cell, or text."""
+    import pandas as pd  # not at the top: it takes as long to import as everything else an environment needs
 
     missing = [form for word in _MISSING for form in {word, word.upper(), word.title()}]
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # newer versions parse to the last digit always, and say so
+        warnings.simplefilter("ignore")  # newer versions always parse to the last digit, and warn about it
         frame = pd.read_csv(
             BytesIO(rows),
             sep=delimiter,
@@ -230,7 +230,7 @@ def _with_points(cells: list[str]) -> np.ndarray | None:
 
 
 def _without_filled_in(columns: dict[str, Column]) -> tuple[dict[str, Column], list[str]]:
-    """The columns with -999 and the like as missing, where all other values are far above it; a line for each."""
+    """The columns with placeholders such as -999 as missing, if all other values are far above; a line for each."""
     result, notes = dict(columns), []
     for name, column in columns.items():
         if not isinstance(column, np.ndarray):
@@ -250,7 +250,7 @@ def _filled(cells: list[str]) -> list[str]:
 
 
 def _column(name: str, cells: list[str]) -> tuple[Column, list[str]]:
-    """A column in which a few cells that are no numbers count as missing."""
+    """A column in which a few cells that are not numbers count as missing."""
     column = numbers_or_text(cells)
     if isinstance(column, np.ndarray):
         return column, []

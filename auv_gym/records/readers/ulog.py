@@ -1,6 +1,6 @@
 """Logs of PX4 vehicles (`.ulg`), read by pyulog (the extra `px4`).
 
-A group is a topic of uORB; its second instance is the topic with _1 behind it.  Time is s since the autopilot started.
+A group is a topic of uORB; its second instance is the topic with the suffix _1.  Time is s since the autopilot started.
 The format states no units.  Source: docs.px4.io/main/en/dev_log/ulog_file_format.html.
 """
 
@@ -22,9 +22,9 @@ _FILE_HEADER = 16  # bytes
 _TIME = "timestamp"  # us, of every message
 _SUBSCRIPTION, _DATA = b"AD"
 _KINDS = frozenset(b"ADIMPQRSOLCBF")  # of messages
-_LONGEST = 10_000  # bytes; pyulog takes a longer message of another kind for damage, and so do we
+_LONGEST = 10_000  # bytes; pyulog treats a longer message of another kind as damage, and so do we
 _SAMPLE = 4_000_000  # bytes of data for a first look; some 20 s of a fast log
-_TOLD = 1 << 17  # messages from one report of progress to the next
+_TOLD = 1 << 17  # messages between reports of progress
 
 
 def _is_ulog(path: Path, head: bytes) -> bool:
@@ -64,7 +64,7 @@ def _read(path: Path, scope: Scope) -> Log:
 
 
 class _Survey(NamedTuple):
-    """Where the sound part of a log ends, and the first _SAMPLE bytes of data; rows and span by the id of a topic."""
+    """The end of the undamaged part of a log, and of the first _SAMPLE bytes of data; rows and span by topic id."""
 
     end: int
     sample: int
@@ -73,7 +73,7 @@ class _Survey(NamedTuple):
 
 
 def _survey(data: mmap.mmap, progress: Callable[[float], None]) -> _Survey:
-    """What a log holds, without its content; the timestamp is the first field of a message of data."""
+    """An overview of a log without its content; the timestamp is the first field of a data message."""
     header, content = struct.Struct("<HB").unpack_from, struct.Struct("<HQ").unpack_from
     rows: dict[int, int] = {}
     spans: dict[int, tuple[float, float]] = {}
@@ -82,7 +82,7 @@ def _survey(data: mmap.mmap, progress: Callable[[float], None]) -> _Survey:
     while at + 3 <= size:
         length, kind = header(data, at)
         following = at + 3 + length
-        # neither is ever 0, which is what a card holds where nothing was written
+        # neither is ever 0; zeros are what an unwritten part of the card holds
         if not length or not kind or following > size or (kind not in _KINDS and length > _LONGEST):
             break
         if kind == _DATA and length >= 10:
@@ -101,7 +101,7 @@ def _survey(data: mmap.mmap, progress: Callable[[float], None]) -> _Survey:
 
 
 class _Part:
-    """The first bytes of a log as a file, for pyulog, which tells how far it has been read."""
+    """The first bytes of a log as a file for pyulog, reporting how far it has been read."""
 
     def __init__(self, data: mmap.mmap, size: int, progress: Callable[[float], None]) -> None:
         self._data, self._size, self._progress = data, size, progress
