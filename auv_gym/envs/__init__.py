@@ -1,4 +1,4 @@
-"""Environments for gymnasium; importing this package registers them."""
+"""Gymnasium environments; importing this package registers them."""
 
 from auv_gym.envs.registration import register_envs
 

@@ -1,6 +1,6 @@
-"""What a single and a vector environment share: the episodes of a task, and what the numbers of a row mean.
+"""The episodes of a task, shared by single and vector environments, and the meaning of a row's numbers.
 
-See `plans` for how the plan is made, and `kernel` for plan and row and what compiled code does with them.
+See `plans` for how the plan is made, and `kernel` for plan, row and the compiled code.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ _WAYPOINT = ("north_m", "east_m", "depth_m")
 
 @dataclass(frozen=True, eq=False)
 class Episodes:
-    """The episodes of a task with a vehicle: everything about them that is the same for all.
+    """Everything that all episodes of a task with a vehicle share.
 
-    kind: of the vehicle.  plant: the vehicle that scales and limits come from.  driver: what is simulated, the plant or
-    a model in its place.  actions: the inputs that an action commands, in order; it goes from -1 at `middles` -
-    `limits` to 1 at their sum.  start_options: channels of a first state that a reset may give.  target_limits: by
+    kind: of the vehicle.  plant: the vehicle that gives scales and limits.  driver: what is simulated, the plant or a
+    model in its place.  actions: the inputs that an action commands, in order; an action goes from -1 at `middles` -
+    `limits` to 1 at their sum.  start_options: channels of an initial state that a reset may give.  target_limits: by
     channel, the range of targets that may be given.  vector, derived: the driver's parameters before randomisation.
     plan: see `kernel.layout`.
     """
@@ -55,17 +55,17 @@ class Episodes:
 
     @property
     def by_model(self) -> bool:
-        """Whether a model in Python drives the environment, not a plant in compiled code."""
+        """Whether a model in Python drives the environment, instead of a plant in compiled code."""
         return bool(self.settings["by_model"])
 
     @property
     def settings(self) -> Any:
-        """The plan as a record."""
+        """The plan as a record with named fields."""
         return _record(self.plan, plan_type(self.plant.family, self.kind.layout))
 
     @property
     def row_type(self) -> np.dtype:
-        """The record at the start of a row."""
+        """The record type of the beginning of a row."""
         return row_type(self.plant.family, self.kind.layout)
 
     @property
@@ -85,7 +85,7 @@ class Episodes:
         return self.task.targets or ((self.task.channel,) if self.task.channel else _WAYPOINT)
 
     def action_for(self, command: Mapping[str, float]) -> np.ndarray:
-        """The action that gives commands, by channel, shape (len(actions),); raises ValueError where one is missing."""
+        """The action for commands by channel, shape (len(actions),); raises ValueError if one is missing."""
         missing = [name for name in self.actions if name not in command]
         if missing:
             raise ValueError(
@@ -94,7 +94,7 @@ class Episodes:
         return (np.array([command[name] for name in self.actions]) - self.middles) / self.limits
 
     def new_rows(self, count: int) -> np.ndarray:
-        """Rows for environments that have not begun, shape (count, row_size)."""
+        """Rows for environments that have not started, shape (count, row_size)."""
         rows = np.zeros((count, self.row_size))
         for row in rows:
             record = self.record(row)
@@ -106,15 +106,15 @@ class Episodes:
         return np.concatenate([self.plan, self.derived, self.new_rows(1)[0], scratch_for(self.plant.family)])
 
     def record(self, row: np.ndarray) -> Any:
-        """The named part of a row."""
+        """The named beginning of a row."""
         return _record(row, self.row_type)
 
     def draws(self, row: np.ndarray) -> np.ndarray:
-        """The part of a row that an episode's drawn numbers go to, uniform in [0, 1)."""
+        """The part of a row for an episode's random numbers, uniform in [0, 1)."""
         return row[int(self.settings["draws_at"]) :]
 
     def noise(self, row: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """The parts of a row for numbers from N(0, 1) and from [0, 1), for the next samples; None where none are."""
+        """The parts of a row for the next samples' random numbers from N(0, 1) and from [0, 1); None if not needed."""
         at, rows = int(self.settings["noise_at"]), int(self.settings["noise_rows"])
         if not rows:
             return None
@@ -122,7 +122,7 @@ class Episodes:
         return row[at:split], row[split : split + rows * len(self.kind.layout.sensors)]
 
     def randomised_values(self, row: np.ndarray) -> dict[str, float]:
-        """The parameters of the present episode that were drawn."""
+        """The randomised parameters of the present episode."""
         shares = self.draws(row)[START_DRAWS : START_DRAWS + len(self.randomise)].tolist()
         return {
             path: min(max(low + (high - low) * share, low), high)
@@ -130,7 +130,7 @@ class Episodes:
         }
 
     def set_start(self, record: Any, options: Mapping[str, Any] | None) -> None:
-        """Put the options of a reset into a row's record; raises on what is unknown or no number."""
+        """Put the options of a reset into a row's record; raises for unknown options and non-numeric values."""
         record["start"], record["first_target"] = nan, nan
         known = "'start' and 'target'" if self.task.channel or self.task.targets else "'start'"
         for name, value in (options or {}).items():
@@ -156,7 +156,7 @@ class Episodes:
                 )
 
     def reason(self, record: Any) -> str:
-        """Why the episode of a row was terminated, in words, or nothing."""
+        """The reason why a row's episode was terminated, in words, or nothing."""
         code, value, time = int(record["reason"]), float(record["reason_value"]), float(record["time"])
         if code == NO_REASON:
             return ""

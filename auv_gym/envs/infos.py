@@ -1,4 +1,4 @@
-"""What an info shows of a row, as numbers by name that stay packed until somebody reads them: it costs little."""
+"""Infos as named numbers of a row that are only unpacked when they are read, which keeps a step cheap."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ _NUMBER = Struct("d")
 class Named(Mapping[str, float]):
     """A read-only mapping from names to floats, equal to a dict of the same items.
 
-    Whoever makes one sets `index`, name to place, and `numbers`, the bytes of the floats, which come out of an array
-    three times as fast as a copy of it. A constructor in Python would take twice the time, and a step makes five.
+    The maker sets `index` (name to position) and `numbers` (the bytes of the floats), which are three times as fast to
+    get from an array as a copy. A constructor in Python would take twice the time, and a step makes five of these.
     """
 
     __slots__ = ("index", "numbers")
@@ -41,7 +41,7 @@ class Named(Mapping[str, float]):
 
 @dataclass(frozen=True, eq=False)
 class InfoIndex:
-    """What an info shows of a row: numbers from `first` to `last`, and the places of single ones and groups in them."""
+    """The numbers of a row that an info shows: from `first` to `last`, with the positions of single ones and groups."""
 
     first: int
     last: int

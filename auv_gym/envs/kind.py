@@ -1,4 +1,4 @@
-"""What environments have to know about a kind of vehicle, and what it makes of a task; `kinds` holds one of each."""
+"""The description of a kind of vehicle for environments, and a task scaled to a vehicle; see `kinds`."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ class ScaledTask:
     """A task in the units, commands and limits of one vehicle.
 
     units: of the vehicle, by `tasks.Unit`.  duration: s.  stands_for: the vehicle's channels for names in a task.
-    actions: the inputs that an action commands; it goes from -limit to limit about a middle.  start: channels of a
-    first state that may be given.  randomise: ranges where none are asked for.  effects: values by parameter path that
-    options stand for.  read: outputs that a model must have; `read_for`: those that it must have where it has an input.
-    driven: inputs that it must have.  shortest: s, between two changes of the target.  least_dt: s, the shortest step.
-    plan: fields of the plan.  tables: numbers by the field that says where in the plan they are, with a field for how
-    many rows.  observed: what is observed besides the task's.  own_ages: each row keeps the ages of its commands, since
-    steps differ in length.  target_limits: by channel, lowest and highest target that may be given; equal where the
-    vehicle cannot control the channel.
+    actions: the inputs that an action commands, from -limit to limit about a middle.  start: channels of an initial
+    state that may be given.  randomise: default ranges.  effects: values by parameter path that result from options.
+    read: outputs that a model must have; `read_for`: those that it must have if it has a certain input.  driven: inputs
+    that it must have.  shortest: s, between two changes of the target.  least_dt: s, the shortest step.
+    plan: fields of the plan.  tables: numbers, by the field with their position in the plan, with a field for the
+    number of rows.  observed: observations in addition to the task's.  own_ages: whether each row stores the ages of
+    its commands, because steps differ in length.  target_limits: by channel, lowest and highest target that may be
+    given; equal if the vehicle cannot control the channel.
     """
 
     units: Mapping[str, float]
@@ -52,14 +52,14 @@ class ScaledTask:
 
 
 class View(Protocol):
-    """Follows one environment, whose row it reads, and says what a picture of it shows."""
+    """The view of one environment, whose row it reads, for drawing it."""
 
     def follow(self, begin: bool = False) -> None:
-        """Take the present moment into the track, of a new episode if it begins."""
+        """Add the present moment to the track; begin: whether an episode begins."""
         ...
 
     def scene(self) -> Any:
-        """The present moment and how it came there, as `rendering` draws it."""
+        """The present moment and the track so far, as `rendering` draws it."""
         ...
 
 
@@ -75,13 +75,14 @@ def _no_numbers(family: Family) -> Mapping[str, int]:
 class EnvKind:
     """A kind of vehicle, as environments know it.
 
-    title: what a task for it needs.  layout: what its plans and rows hold.  hooks: its part of the compiled step.
-    scale: makes a task one of a vehicle, called as scale(task, plant, duration=, target=, and `options`), which are
-    those that only this kind has.  view: of an `Episodes` and a row, made when a picture is wanted.  reasons: why an
-    episode was terminated, by code: words with {value} and {limit}, and the field of the plan that is the limit.
-    readings: what an info shows as measured, by channel the name of its feature; by default all outputs.  infos: single
-    numbers of an info, by name the field of the row.  numbers: further open names of the hooks.
-    prepare: the vehicle as environments step it, of the one that was given and of dt=.
+    title: the requirements of its tasks.  layout: the content of its plans and rows.  hooks: its part of the compiled
+    step.
+    scale: scales a task to a vehicle, called as scale(task, plant, duration=, target=, and the `options` that only this
+    kind has).  view: makes a view of an `Episodes` and a row, when a picture is needed.  reasons: for termination, by
+    code: words with {value} and {limit}, and the field of the plan with the limit.
+    readings: shown by an info as measured, by channel the name of its feature; default: all outputs.  infos: single
+    numbers of an info, by name the field of the row.  numbers: further numbers for the hooks.
+    prepare: converts the given vehicle and dt= to the vehicle that environments step.
     """
 
     title: str

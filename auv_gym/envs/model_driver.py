@@ -1,4 +1,4 @@
-"""A model in Python that drives an environment in the place of its vehicle."""
+"""A model in Python that drives an environment in place of its vehicle."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from auv_gym.model import model_constant_inputs
 
 
 class ModelDriver:
-    """Steps a model between the compiled commands of an action and the compiled outcome, in the row of an environment.
+    """Steps a model between the compiled commands of an action and the compiled outcome, in an environment's row.
 
-    What the model has among its states, or else among its outputs, is the truth; what it has neither of stays as the
-    vehicle's cruise has it. States that its outputs do not show start as in the cruise, if they are named as a plant's.
+    The true states are taken from the model's states, or else from its outputs; others keep their value in the
+    vehicle's cruise. States that the outputs do not show start as in cruise, if they have the names of a plant's
+    states.
     """
 
     def __init__(self, episodes: Episodes, row: np.ndarray):
@@ -49,7 +50,7 @@ class ModelDriver:
         self.x = np.zeros(len(model.states))
 
     def begin(self, buffer: np.ndarray) -> int:
-        """Start an episode of the environment, and the model from the vehicle's outputs at its start; the status."""
+        """Start an episode, with the model starting from the vehicle's initial outputs; returns the status."""
         self._kernel.begin_one(self._vector, buffer)
         index = {name: i for i, name in enumerate(self._family.outputs)}
         start = np.array([self._raw[index[name]] if name in index else np.nan for name in self.model.outputs])
@@ -61,7 +62,7 @@ class ModelDriver:
         return RUNNING
 
     def step(self, buffer: np.ndarray) -> int:
-        """One step of the environment; the status."""
+        """Advance the environment by one step; returns the status."""
         status = self._command_one(buffer)
         if status != RUNNING:
             return status
@@ -79,8 +80,8 @@ class ModelDriver:
         return state
 
     def _put(self, x: np.ndarray) -> bool:
-        """The model's outputs and states into the row; without finite numbers there, a state that has diverged."""
-        # lists, which are faster than arrays for a few numbers
+        """Put the model's outputs and states into the row; if they are not finite, a diverged state."""
+        # lists are faster than arrays for a few numbers
         states, outputs = x.tolist(), [nan]
         if all(map(isfinite, states)):
             outputs = np.asarray(self.model.output(x), dtype=np.float64).tolist()

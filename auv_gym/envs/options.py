@@ -1,4 +1,4 @@
-"""Checks of what environments are made from, the same for all of them."""
+"""Checks of the options that all environments share."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from auv_gym.plant import Plant, load_vehicle
 
 
 def resolve_plant(vehicle: str | os.PathLike | Plant, dt: float | None) -> Plant:
-    """The plant of a preset, a vehicle file or a plant, at a sample time in s or at its own."""
+    """The plant of a preset, a vehicle file or a plant; dt: its sample time, s, or its own."""
     if isinstance(vehicle, Plant):
         return vehicle if dt is None else replace(vehicle, dt=dt)
     return load_vehicle(vehicle, dt=dt)
 
 
 def model_of(model: Model | str | os.PathLike, plant: Plant) -> Model:
-    """A model, or that of a model or vehicle file, at the plant's sample time where it can choose."""
+    """A model, possibly from a model or vehicle file, at the plant's sample time if that can be chosen."""
     return load_model(model, dt=plant.dt) if isinstance(model, str | os.PathLike) else model
 
 
 def check_number(name: str, value: Any, unit: str, *, above: float = -inf, at_least: float = -inf) -> None:
-    """Raises if an option's value is not a finite number within its bound."""
+    """Raise if an option's value is not a finite number within its bound."""
     number = isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool)
     if not number or not isfinite(value) or not value > above or not value >= at_least:
         bound = f" above {above:g}" if above > -inf else f" of at least {at_least:g}" if at_least > -inf else ""
@@ -39,7 +39,7 @@ def check_number(name: str, value: Any, unit: str, *, above: float = -inf, at_le
 
 
 def check_model_inputs(model: Model, plant: Plant) -> None:
-    """Raises if a model asks for an input that an environment with this vehicle does not have."""
+    """Raise if a model needs an input that an environment with this vehicle does not have."""
     for name in model.inputs:
         if name not in plant.inputs and name not in model_constant_inputs(model):
             raise ValueError(
@@ -49,7 +49,7 @@ def check_model_inputs(model: Model, plant: Plant) -> None:
 
 
 def check_model_dt(model: Model, plant: Plant) -> None:
-    """Raises if a model steps another time than an environment with this vehicle."""
+    """Raise if a model's time step differs from that of an environment with this vehicle."""
     if abs(model.dt - plant.dt) > 1e-9 * plant.dt:
         raise ValueError(
             f"model= steps {model.dt:g} s and the environment {plant.dt:g} s: make the environment with "
@@ -58,7 +58,7 @@ def check_model_dt(model: Model, plant: Plant) -> None:
 
 
 def check_targets(name: str, given: Any, task: Task) -> dict[str, float]:
-    """All targets of a task by channel, NaN where none is given; raises on others, and on what is no number."""
+    """All targets of a task by channel, NaN if not given; raises for other channels and non-numeric values."""
     if not isinstance(given, Mapping):
         example = f"{{{task.targets[0]!r}: 3.0}}"
         raise ValueError(
@@ -72,7 +72,7 @@ def check_targets(name: str, given: Any, task: Task) -> dict[str, float]:
 
 
 def check_target_limits(name: str, given: Mapping[str, float], limits: Mapping[str, tuple[float, float]]) -> None:
-    """Raises on targets, by channel, that are beyond what the vehicle or the environment can do."""
+    """Raise for targets, by channel, beyond the limits of the vehicle or the environment."""
     for target, value in given.items():
         low, high = limits.get(target, (-inf, inf))
         if not low <= value <= high:
@@ -86,7 +86,7 @@ def check_target_limits(name: str, given: Mapping[str, float], limits: Mapping[s
 
 
 def check_actions(actions: Sequence[str], plant: Plant, axes: Sequence[str] = ()) -> list[str]:
-    """The inputs, or the axes of a wrench, that are asked for as actions; raises on what the vehicle has not."""
+    """The inputs, or the axes of a wrench, requested as actions; raises for those that the vehicle does not have."""
     inputs = list(plant.family.actuators)
     can = [*axes, *inputs]
     if isinstance(actions, str) or not actions or len(set(actions)) < len(actions):
@@ -104,7 +104,7 @@ def check_actions(actions: Sequence[str], plant: Plant, axes: Sequence[str] = ()
 
 
 def check_waypoints(waypoints: Sequence[Sequence[float]] | None) -> np.ndarray:
-    """Waypoints as rows of north, east and depth in m, (k, 3), none where they are drawn; raises on others."""
+    """Waypoints as rows of north, east and depth in m, (k, 3), empty if they are drawn; raises for invalid ones."""
     if waypoints is None:
         return np.zeros((0, 3))
     points = np.asarray(waypoints, dtype=np.float64)

@@ -21,8 +21,8 @@ _LENGTHEN_MEMORY = (".dead_time", ".clock.delay", ".clock.rate")
 class PlanNumbers:
     """Fills a plan, part by part.
 
-    owner: the plant whose parameters compiled code takes.  scaled: the task in its vehicle's units.  ranges: that
-    parameters are drawn from, by path.  by_model: whether something else than compiled code steps the vehicle.
+    owner: the plant whose parameters compiled code uses.  scaled: the task in its vehicle's units.  ranges: of
+    randomised parameters, by path.  by_model: whether the vehicle is stepped by something other than compiled code.
     """
 
     def __init__(
@@ -44,13 +44,13 @@ class PlanNumbers:
 
     @property
     def state_names(self) -> tuple[str, ...]:
-        """The states that a row holds, those of delayed commands among them."""
+        """The states in a row, including delayed commands."""
         return self._sized.states
 
     def filled(self, task: Task, plant: Plant, observed: Sequence[Observed], target: Any) -> np.ndarray:
-        """The plan, (n,), with its tables behind it.
+        """The plan, (n,), with its tables appended.
 
-        plant: in the environment's step of time.  target: see `make_episodes`.
+        plant: with the environment's time step.  target: see `make_episodes`.
         """
         self._say_sizes(plant, len(observed))
         self._say_what_is_observed(observed)
@@ -62,7 +62,7 @@ class PlanNumbers:
         return np.concatenate([self._record.view(np.float64), *self._tables])
 
     def _put_table(self, values: Any) -> int:
-        """Add numbers behind the plan; returns where they begin."""
+        """Append numbers to the plan; returns the index of the first one."""
         at = self._size()
         self._tables.append(np.asarray(values, dtype=np.float64).ravel())
         return at
@@ -124,7 +124,7 @@ class PlanNumbers:
         plan["changes"] = ceil(self._scaled.duration / self._scaled.shortest) + 2
 
     def _add_own_fields(self) -> None:
-        """What the kind of vehicle adds."""
+        """Add the fields of the kind of vehicle."""
         plan, family = self._plan, self._family
         for field, value in self._scaled.plan.items():
             plan[field] = value
@@ -133,7 +133,7 @@ class PlanNumbers:
             plan[field], plan[f"{field}_at"] = len(rows), self._put_table(rows)
 
     def _lay_out_row(self) -> None:
-        """Where in a row its state, ages, delayed readings, noise and draws are."""
+        """Set the positions in a row of its state, ages, delayed readings, noise and draws."""
         plan, layout, outputs = self._plan, self._layout, len(self._family.outputs)
         plan["full_state"] = len(self.state_names)
         plan["state_at"] = at = size(row_type(self._family, layout))
@@ -151,7 +151,7 @@ class PlanNumbers:
 
 
 def _unit_sizes(scaled: ScaledTask) -> Mapping[str, float]:
-    """The vehicle's units, by name; "" for a number without one."""
+    """The vehicle's units, by name; "" for a number without a unit."""
     return {"": 1.0, **scaled.units}
 
 

@@ -1,4 +1,4 @@
-"""The plan of an environment's episodes, made of its options; every option is checked here, or on the way."""
+"""The plan of an environment's episodes from its options; every option is checked here or in the functions called."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ def make_episodes(
     target: float | Mapping[str, float] | None = None,
     **own: Any,
 ) -> Episodes:
-    """The episodes that an environment's options describe; raises on what does not fit together.
+    """The episodes that an environment's options describe; raises if the options are inconsistent.
 
-    own: options of the vehicle's kind, see `EnvKind.options`; None is as if not given.
+    own: options of the vehicle's kind, see `EnvKind.options`; None counts as not given.
     """
     task, kind, plant = _vehicle_for(task, vehicle, dt)
     scaled = _scaled(task, kind, plant, duration, target, own)
@@ -83,7 +83,7 @@ def make_episodes(
 def _vehicle_for(
     task: str | Task, vehicle: str | os.PathLike | Plant | None, dt: float | None
 ) -> tuple[Task, EnvKind, Plant]:
-    """The task in the form for a vehicle's kind, that kind, and the vehicle, in steps of dt."""
+    """The task in the form for a vehicle's kind, that kind, and the vehicle, with time step dt."""
     if isinstance(task, str):
         if task not in tasks.TASKS:
             raise ValueError(f"No task {task!r}. {did_you_mean(task, tasks.TASKS)}Tasks: {', '.join(tasks.TASKS)}.")
@@ -119,7 +119,7 @@ def _scaled(
 
 
 def _observed(task: Task, scaled: ScaledTask, plant: Plant) -> list[Observed]:
-    """What an agent observes: what it might move, but not with this vehicle, it does not see."""
+    """The observations of an agent, without commands that this vehicle does not have."""
     observed = [o for o in task.observed if o.source not in task.actions or source_of(o, scaled) in scaled.actions]
     observed += scaled.observed
     if len(observed) > MOST_OBSERVATIONS:
@@ -131,7 +131,7 @@ def _observed(task: Task, scaled: ScaledTask, plant: Plant) -> list[Observed]:
 
 
 def _task_for(task: Task, plant: Plant) -> tuple[Task, EnvKind]:
-    """The task in the form for the vehicle's kind, and this kind; raises unless the task is for it."""
+    """The task in the form for the vehicle's kind, and this kind; raises unless the task supports it."""
     kind = KINDS.of(plant.family)
     for form in (task, *task.forms):
         if kind is _kind_of(form.vehicle):
@@ -155,9 +155,9 @@ def _driven(
     randomise: Mapping[str, tuple[float, float]] | None,
     unless_told: Mapping[str, tuple[float, float]],
 ) -> tuple[Model, Plant, dict[str, tuple[float, float]]]:
-    """What is simulated, the plant whose parameters compiled code takes (the same, if that can step it), and ranges.
+    """What is simulated, the plant whose parameters compiled code uses (the same, if it can be stepped), and ranges.
 
-    unless_told: ranges that are drawn from where none are given and a vehicle is simulated.
+    unless_told: default ranges, used if none are given and a vehicle is simulated.
     """
     effects = dict(effects or {})
     if model is not None and any(not path.startswith("effects.sampling.") for path in (*effects, *(randomise or {}))):
@@ -197,7 +197,7 @@ def _model(model: Model | str | os.PathLike, plant: Plant) -> Model:
 
 
 def _check_model(model: Model, plant: Plant, scaled: ScaledTask) -> None:
-    """Raises if a model cannot drive the environment, with the channel that lacks."""
+    """Raise, naming the missing channel, if a model cannot drive the environment."""
     name = type(model).__name__
     if scaled.least_dt < plant.dt:
         raise ValueError(

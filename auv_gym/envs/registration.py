@@ -1,4 +1,4 @@
-"""The environments' names and where each class is; the classes are imported when an environment is made."""
+"""Names and classes of the environments; a class is imported when an environment is made."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from typing import Any
 
 _ONE, _MANY = "auv_gym.envs.task_env:TaskEnv", "auv_gym.envs.vector_env:TaskVectorEnv"
 
-# Name to what gymnasium's `register` takes besides.
+# Name to the other arguments of gymnasium's `register`.
 ENVIRONMENTS: dict[str, dict[str, Any]] = {
     f"auv_gym/{task}-v0": {
         "entry_point": _ONE,
         "vector_entry_point": _MANY,
         "kwargs": {"task": task},
-        # they keep the order of calls and the bounds of observations themselves: wrappers would only cost time
+        # the environments check call order and observation bounds themselves: wrappers would only cost time
         "order_enforce": False,
         "disable_env_checker": True,
     }
@@ -21,8 +21,8 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
 
 
 def register_envs() -> None:
-    """Enter all environments into gymnasium's registry; those that are there already stay as they are."""
-    # Imported here: the import of gymnasium may itself call this function, see `auv_gym.autoload`.
+    """Register all environments with gymnasium; names that are already registered stay unchanged."""
+    # Imported here, since the import of gymnasium may itself call this function, see `auv_gym.autoload`.
     from gymnasium.envs.registration import register, registry
 
     for name, details in ENVIRONMENTS.items():

@@ -36,7 +36,7 @@ class StableBaselinesVecEnv(VecEnv):
         self._actions: np.ndarray | None = None
 
     def reset(self) -> np.ndarray:
-        """First observations, shape (num_envs, ...); seeds and options as `seed` and `set_options` have left them."""
+        """First observations, shape (num_envs, ...), with seeds and options from `seed` and `set_options`."""
         options = [one or {} for one in self._options]
         if all(one == options[0] for one in options):
             observations, infos = self.envs.reset(seed=self._seeds, options=options[0])  # ty: ignore[invalid-argument-type]
@@ -57,7 +57,7 @@ class StableBaselinesVecEnv(VecEnv):
         self._actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Observations, rewards, whether episodes have ended, and infos; ended environments have begun again."""
+        """Observations, rewards, whether episodes have ended, and infos; ended environments have already restarted."""
         observations, rewards, terminated, truncated, infos = self.envs.step(self._actions)
         ended = terminated | truncated
         found: list[dict[str, Any]] = [
@@ -78,22 +78,22 @@ class StableBaselinesVecEnv(VecEnv):
         self.envs.close()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """The attribute of the vector environment, once for each index."""
+        """The attribute of the vector environment, repeated for each index."""
         value = getattr(self.envs, attr_name)
         return [value for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Set an attribute of the vector environment; raises for some of its environments alone."""
+        """Set an attribute of the vector environment; raises for a subset of its environments."""
         if indices is not None:
             raise ValueError(f"The environments are one object, so {attr_name!r} can be set for all of them only.")
         setattr(self.envs, attr_name, value)
 
     def env_method(self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any) -> list[Any]:
-        """Always raises: the environments are one object, and have no methods of their own."""
+        """Raise always: the environments are one object, and have no methods of their own."""
         raise ValueError(f"The environments are one object and have no method {method_name!r} each: call it on `envs`.")
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """False for each index: wrap the whole, as in VecMonitor(env)."""
+        """False for each index: wrap the vector environment as a whole, for example in VecMonitor(env)."""
         return [False for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[np.ndarray | None]:
@@ -102,10 +102,10 @@ class StableBaselinesVecEnv(VecEnv):
 
 
 class SingleEnvs(VecEnv):
-    """Environments stepped one after the other, for packages without a native vector environment.
+    """Environments stepped one after another, for packages without a native vector environment.
 
-    As stable-baselines3's DummyVecEnv, which copies all infos in each step; here an info is there where an environment
-    has ended, and those of the others are empty.
+    Similar to stable-baselines3's DummyVecEnv, which copies all infos in each step; here only the info of an
+    environment that has ended is filled, and the others are empty.
     """
 
     def __init__(self, envs: Sequence[gymnasium.Env]):
@@ -114,7 +114,7 @@ class SingleEnvs(VecEnv):
         self._actions: np.ndarray | None = None
 
     def reset(self) -> np.ndarray:
-        """First observations, shape (num_envs, ...); seeds and options as `seed` and `set_options` have left them."""
+        """First observations, shape (num_envs, ...), with seeds and options from `seed` and `set_options`."""
         found = [
             env.reset(seed=seed, options=options or None)
             for env, seed, options in zip(self.envs, self._seeds, self._options, strict=True)
@@ -129,7 +129,7 @@ class SingleEnvs(VecEnv):
         self._actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Observations, rewards, whether episodes have ended, and infos; ended environments have begun again."""
+        """Observations, rewards, whether episodes have ended, and infos; ended environments have already restarted."""
         if self._actions is None:
             raise ValueError("step_wait needs the actions of a step_async before it: call step.")
         observations, infos = [], []
@@ -160,7 +160,7 @@ class SingleEnvs(VecEnv):
             env.set_wrapper_attr(attr_name, value)
 
     def env_method(self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any) -> list[Any]:
-        """What a method of each environment returns."""
+        """The results of a method, called on each environment."""
         return [env.get_wrapper_attr(method_name)(*method_args, **method_kwargs) for env in self._chosen(indices)]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
@@ -178,7 +178,7 @@ class SingleEnvs(VecEnv):
 
 
 def _one_of(infos: dict[str, Any], i: int | np.intp) -> dict[str, Any]:
-    """The info of one environment out of those of all."""
+    """The info of one environment, extracted from the infos of all."""
     found: dict[str, Any] = {}
     for name, values in infos.items():
         if name.startswith("_") or name in ("final_obs", "final_info") or not infos[f"_{name}"][i]:

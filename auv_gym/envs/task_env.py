@@ -20,10 +20,10 @@ from auv_gym.plant import Plant
 
 
 class TaskEnv(gymnasium.Env):
-    """One environment of a task; docs/environments.md has its action, observation, reward and info.
+    """One environment of a task; docs/environments.md describes its action, observation, reward and info.
 
-    A step is one compiled call on one buffer of numbers, and `layout` says which; a model in the place of the vehicle
-    is stepped in Python between two such calls. A copy or pickle of an environment goes on from where it is.
+    A step is one compiled call on one buffer of numbers, described in `layout`; a model in place of the vehicle is
+    stepped in Python between two such calls. A copied or unpickled environment continues from its present state.
     """
 
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 10}
@@ -42,13 +42,14 @@ class TaskEnv(gymnasium.Env):
         render_mode: str | None = None,
         **own: Any,
     ):
-        """An environment of a preset, a vehicle file or a plant; raises on what does not fit together.
+        """Make an environment for a preset, a vehicle file or a plant; raises if the options are inconsistent.
 
         task: a name in `tasks.TASKS`.  vehicle: by default the task's.  effects: values by parameter path.  randomise:
         ranges (low, high) by parameter path, from which each episode draws.  model: drives the environment in place of
-        the vehicle, a Model or a vehicle file.  dt, duration: s.  target: fixed, in the task's channel, or of a pose by
-        channel; by default it changes in steps.  own: options of the kind of vehicle: actions, waypoints of a vehicle
-        in six degrees of freedom, near, depths of a float, speed, compass_noise of a glider, bottom of one that flies.
+        the vehicle, a Model or a vehicle file.  dt, duration: s.  target: fixed, in the task's channel, or for a pose
+        by channel; by default it changes in steps.  own: options of the kind of vehicle: actions and waypoints of a
+        vehicle in six degrees of freedom, near and depths of a float, speed and compass_noise of a glider, bottom of a
+        flying glider.
         """
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode is None, 'rgb_array' or 'human', got {render_mode!r}.")
@@ -71,7 +72,7 @@ class TaskEnv(gymnasium.Env):
         row_at = episodes.plan.size + episodes.derived.size
         self._row = row = self._buffer[row_at : row_at + episodes.row_size]
         self._record = episodes.record(row)
-        # single numbers go in and out of a memoryview in a third of the time that an array takes
+        # single numbers are three times as fast through a memoryview as through an array
         self._numbers = self._buffer.data
         self._actions = len(episodes.actions)
         self._action_at, self._reward_at = row_at + offset(record, "action"), row_at + offset(record, "reward")
@@ -96,7 +97,7 @@ class TaskEnv(gymnasium.Env):
 
     @property
     def model(self) -> Model:
-        """What is simulated: the vehicle with the effects, or the model in its place."""
+        """The simulated model: the vehicle with its effects, or the model in its place."""
         return self.episodes.driver
 
     def reset(
@@ -104,7 +105,7 @@ class TaskEnv(gymnasium.Env):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """The first observation and info of an episode with a drawn start.
 
-        options: `start`, values of the first state by channel, and `target`, the first one, in place of drawn ones.
+        options: `start`, values of the initial state by channel, and `target`, the first one, instead of drawn ones.
         """
         super().reset(seed=seed)
         episodes = self.episodes
@@ -146,7 +147,7 @@ class TaskEnv(gymnasium.Env):
         return self._observe(), numbers[self._reward_at], terminated, not terminated, self._info(reason)
 
     def action_for(self, command: Mapping[str, float]) -> np.ndarray:
-        """The action that gives commands, by channel, shape (number of actions,)."""
+        """The action for commands by channel, shape (number of actions,)."""
         return self.episodes.action_for(command)
 
     def render(self) -> np.ndarray | None:
@@ -160,7 +161,7 @@ class TaskEnv(gymnasium.Env):
             self._camera = None
 
     def _info(self, reason: str) -> dict[str, Any]:
-        # in place of a constructor in Python, or of a loop, which would take twice the time: see `Named`
+        # instead of a constructor in Python or a loop, which would take twice the time: see `Named`
         target, reading, command, state, terms = Named(), Named(), Named(), Named(), Named()
         target.index, reading.index, command.index, state.index, terms.index = self._places
         target.numbers = reading.numbers = command.numbers = state.numbers = terms.numbers = self._show()
@@ -178,7 +179,7 @@ class TaskEnv(gymnasium.Env):
         return info
 
     def _advance_otherwise(self, buffer: np.ndarray) -> int:
-        """The step of an environment with noisy sensors, a model in Python or pictures; the status."""
+        """Step an environment with noisy sensors, a model in Python or pictures; returns the status."""
         if self._noise is not None and self._record["noise_used"] >= NOISE_ROWS:
             self._draw_noise()
         step = self.episodes.kernel.step_one if self._driver is None else self._driver.step
@@ -197,7 +198,7 @@ class TaskEnv(gymnasium.Env):
     def _follow(self, begin: bool = False) -> None:
         """Show the present position to the camera, which is made when an episode begins."""
         if self._camera is None and begin:
-            from auv_gym.rendering import Camera  # with matplotlib, so not before a picture is wanted
+            from auv_gym.rendering import Camera  # imports matplotlib, so only when a picture is needed
 
             window = f"{self.episodes.task.name}, {self.plant.name}" if self.render_mode == "human" else ""
             self._camera = Camera(self.episodes.kind.view(self.episodes, self._row), window)

@@ -1,12 +1,12 @@
-"""What the environments ask for: targets, observations, reward, envelope, as data.
+"""The tasks of the environments as data: targets, observations, reward, envelope.
 
-Sizes are in units of the vehicle, so that they fit one of any size: a length, a speed, and their quotient, a rate 1/s.
-Those of a torpedo are its own length and its cruise speed (see `plant.cruise`); those of a float are its speed at full
-travel and how far that takes it in a time of its own (see `plant.float_engine`). A glider has its nominal speed and its
-steady turn at full rudder, and its times are in s. A vehicle that thrusters move has its own length, and the speed
-and the rate of turn that they can give it. A glider that flies, and one in six degrees of freedom that its volume and
-masses move, has its speed over ground at a usual pitch and all of its engine, and how far that takes it in a yo, down
-to the bottom and up again.
+Sizes are in units of the vehicle, so that they fit vehicles of any size: a length, a speed, and their quotient, a rate
+in 1/s.  For a torpedo these are its length and cruise speed (see `plant.cruise`).  For a float they are its speed at
+full travel and the distance that it covers in its own time scale (see `plant.float_engine`).  A glider has its nominal
+speed and its steady turn at full rudder, and its times are in s.  A vehicle moved by thrusters has its length, and its
+attainable speed and rate of turn.  A flying glider, and one in six degrees of freedom moved by volume and masses, has
+its horizontal speed at a usual pitch with full engine volume, and the distance that it covers in a yo, down to the
+bottom and back up.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 Unit = Literal["", "length", "speed", "rate", "turn", "deepest"]
 
-PROPULSION = "propulsion"  # stands for the vehicle's own channel: propeller_rpm, propeller_V or speed_cmd_mps
+PROPULSION = "propulsion"  # represents the vehicle's own channel: propeller_rpm, propeller_V or speed_cmd_mps
 ENGINE = "engine"  # likewise: piston_m or oil_volume_m3
 
 
@@ -25,8 +25,8 @@ ENGINE = "engine"  # likewise: piston_m or oil_volume_m3
 class Observed:
     """One number of an observation: (source - offset) / scale, clipped to [-1, 1].
 
-    source: a reading's channel, an input channel for its last command over its limit, or a name of `Layout.geometry`.
-    offset, scale: in `unit`s of the vehicle.
+    source: a reading's channel, an input channel for its last command over its limit, or a name in `Layout.geometry`.
+    offset, scale: in the vehicle's `unit`.
     """
 
     name: str
@@ -40,13 +40,13 @@ class Observed:
 class Task:
     """A task of an environment.
 
-    channel: what is to follow a target; none for a path.  actions: inputs that the agent commands, as far as the
-    vehicle has them; a regulator keeps the cruise by other fins.  step, hold, band: of a drawn target, its change in
-    `unit`s, the time for which it stands in lengths travelled, and where it stays.  scale: error that costs the most.
-    weights: of the reward terms, by name, in the order of `layout.TERMS`.  duration: of an episode by default, s, for a
-    float in lengths travelled.  current: largest drawn one, in cruise speeds, where nothing else is randomised.
-    vehicle: the one by default; the task is for vehicles of its kind.  least: of a target that is given.  targets: the
-    channels of a target with several.  forms: the task for other kinds of vehicle.
+    channel: the channel that has a target; empty for a path.  actions: inputs that the agent commands, if the vehicle
+    has them; a regulator holds the cruise with other fins.  step, hold, band: of a drawn target, its change in `unit`s,
+    its duration in lengths travelled, and its range.  scale: error with the largest cost.  weights: of the reward
+    terms, by name, in the order of `layout.TERMS`.  duration: default of an episode, s, for a float in lengths
+    travelled.  current: largest drawn one, in cruise speeds, if nothing else is randomised.  vehicle: the default; the
+    task is for vehicles of its kind.  least: of a given target.  targets: the channels of a target with several.
+    forms: the task for other kinds of vehicle.
     """
 
     name: str
@@ -70,16 +70,16 @@ class Task:
 COMMAND_TRAVEL = 0.05  # weight of the change of the commands
 
 START_DEPTH = (10.0, 20.0)  # lengths
-DEPTHS = (5.0, 25.0)  # lengths; where targets lie
+DEPTHS = (5.0, 25.0)  # lengths; range of targets
 
-# Envelope: far outside of what a vehicle under control does.
+# Envelope: far outside of what a controlled vehicle does.
 DEPTH_LIMIT = 50.0  # lengths
 PITCH_LIMIT = radians(80.0)
 ROLL_LIMIT = radians(120.0)
 SPEED_LIMIT = 4.0  # cruise speeds
 RATE_LIMIT = 10.0  # cruise speed over length
 
-HELD_PITCH = 0.35  # rad; the pitch with which the held stern plane goes back to its depth
+HELD_PITCH = 0.35  # rad; pitch at which the held stern plane returns to its depth
 
 # Paths
 LEG = (15.0, 30.0)  # lengths
@@ -90,9 +90,9 @@ RADIUS = 2.0  # lengths; a waypoint nearer than this is reached
 
 
 def legs_and_limits(length: float, speed: float, rate: float, along: float) -> dict[str, Any]:
-    """What a plan says of starts, legs and the envelope of a vehicle in six degrees of freedom, in SI.
+    """The fields of a plan for starts, legs and the envelope of a vehicle in six degrees of freedom, in SI.
 
-    length, m, speed, m/s, and rate, rad/s, are the vehicle's scales; along: of its speed, that along a leg.
+    length, m, speed, m/s, and rate, rad/s, are the vehicle's scales; along: share of its speed along a leg.
     """
     return {
         "start_depth": [k * length for k in START_DEPTH],
@@ -110,7 +110,7 @@ def legs_and_limits(length: float, speed: float, rate: float, along: float) -> d
 
 
 def target_limits(length: float) -> dict[str, tuple[float, float]]:
-    """By channel, what the envelope of a vehicle of a length, m, leaves for a target; SI."""
+    """The range of targets, by channel, within the envelope of a vehicle of a length, m; SI."""
     return {
         "depth_m": (0.0, DEPTH_LIMIT * length),
         "pitch_rad": (-PITCH_LIMIT, PITCH_LIMIT),
@@ -181,11 +181,11 @@ SPEED = Task(
     weights={"speed": 1.0, "command_travel": COMMAND_TRAVEL},
 )
 
-# Vehicles that thrusters move
+# Vehicles moved by thrusters
 POSE = ("north_m", "east_m", "depth_m", "heading_rad", "roll_rad", "pitch_rad")
-THRUST_PATH_SPEED = 0.5  # attainable speeds along the leg, over ground: thrust is kept for a current and for turning
-ATTITUDE_SCALE = pi  # rad, the error that costs the most
-SUM_LIMIT = 25.0  # of the sums of errors, each error in lengths or radians and at most 1, over the time of a length
+THRUST_PATH_SPEED = 0.5  # attainable speeds along the leg, over ground: leaves thrust for a current and for turning
+ATTITUDE_SCALE = pi  # rad, error with the largest cost
+SUM_LIMIT = 25.0  # of the sums of errors, each in lengths or radians and at most 1, over the time to travel a length
 
 _OVER_GROUND = (
     Observed("speed_ground", "u_dvl_mps", 1.0, "speed"),
@@ -299,9 +299,9 @@ PATH = Task(
 )
 
 # Floats
-DIVE_DEPTHS = (0.5, 7.5)  # lengths; where starts and targets lie
+DIVE_DEPTHS = (0.5, 7.5)  # lengths; range of starts and targets
 DIVE_LIMIT = 2.0  # times the deepest
-DIVE_TRIM = 0.1  # of the engine's half range: the largest drawn error of the trim
+DIVE_TRIM = 0.1  # of the engine's half range: largest drawn error of the trim
 
 FLOAT_DEPTH = Task(
     name="FloatDepth",
@@ -344,20 +344,20 @@ GLIDER_HEADING = Task(
     duration=600.0,
 )
 
-# Gliders that fly
-TURNING = "turning"  # stands for the vehicle's own channel: battery_roll_rad or rudder_rad
-BOTTOM, SHALLOWEST = 200.0, 30.0  # m, depth of the water by default, and the least
-YOS = (2.0, 4.0)  # of a leg, in lengths, which are yos
-ARRIVAL = 0.33  # lengths; operators of Seagliders call 2 km reached, of the 6 km that a dive to 1000 m covers
+# Flying gliders
+TURNING = "turning"  # represents the vehicle's own channel: battery_roll_rad or rudder_rad
+BOTTOM, SHALLOWEST = 200.0, 30.0  # m, default and smallest depth of the water
+YOS = (2.0, 4.0)  # of a leg, in lengths, that is, yos
+ARRIVAL = 0.33  # lengths; Seaglider operators count 2 km as reached, of the 6 km that a dive to 1000 m covers
 
 
 def yo_plan(
     length: float, path_speed: float, slowness: float, pump: float, pumping: float, hotel: float
 ) -> dict[str, Any]:
-    """What a plan says of the legs of a glider's yos and of their energy, in SI.
+    """The fields of a plan for the legs of a glider's yos and for their energy, in SI.
 
-    length: m, that a yo leads; path_speed: m/s, the most along a leg.  slowness: of the engine, s/m^3.  pump: J for a
-    m^3 at a depth of 1 m.  pumping: W, of the pump over a usual yo.  hotel: W, of all else.
+    length: m, distance covered by a yo; path_speed: m/s, the largest along a leg.  slowness: of the engine, s/m^3.
+    pump: J per m^3 at a depth of 1 m.  pumping: W, of the pump over a usual yo.  hotel: W, of everything else.
     """
     return {
         "follows_path": 1.0,
@@ -402,12 +402,12 @@ GLIDE = Task(
     current=0.4,
 )
 
-# Gliders in six degrees of freedom, which their volume and masses move
-INSIDE = ("volume", "slide", "turn")  # stand for the vehicle's own channels, by what they move, see `Command.inside`
-WATER = 60.0  # m, depth of the water by default: a Seawing needs 10 m to turn from a dive to a climb
-DIVE_START = (0.2, 0.5)  # of the depth of the water, where an episode starts in a dive
-HOTEL, PUMP_EFFICIENCY = 0.5, 0.25  # W, and 1: chosen, as those of `vehicles.glide_steering` for want of published ones
-TURN_RATE = 0.2  # of the speed over the vehicle's own length: a rate of turn that is large
+# Gliders in six degrees of freedom, moved by volume and masses
+INSIDE = ("volume", "slide", "turn")  # represent the vehicle's own channels, by what they move, see `Command.inside`
+WATER = 60.0  # m, default depth of the water: a Seawing needs 10 m to turn from a dive to a climb
+DIVE_START = (0.2, 0.5)  # of the depth of the water, range of the start of an episode in a dive
+HOTEL, PUMP_EFFICIENCY = 0.5, 0.25  # W, and 1: assumed, as in `vehicles.glide_steering`, as none are published
+TURN_RATE = 0.2  # of the speed over the vehicle's own length: scale of a large rate of turn
 
 GLIDE_BODY = replace(
     GLIDE,

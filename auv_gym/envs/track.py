@@ -1,4 +1,4 @@
-"""The track of a run in six degrees of freedom, as a scene to draw."""
+"""The track of a vehicle in six degrees of freedom, as a scene to draw."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from auv_gym.rendering import Scene, Target
 
 
 class BodyView:
-    """Follows one environment, whose row it reads; goal: of its episodes, the row's record and the waypoints so far."""
+    """The view of one environment, whose row it reads; goal: function of episodes, row record and waypoints."""
 
     def __init__(self, episodes: Episodes, row: np.ndarray, goal: Callable[[Episodes, Any, np.ndarray], Target]):
         self._goal = goal
@@ -29,7 +29,7 @@ class BodyView:
         self._waypoints: list[tuple[float, float, float]] = []
 
     def follow(self, begin: bool = False) -> None:
-        """Take the present position into the track, of a new episode if it begins."""
+        """Add the present position to the track; begin: whether an episode begins."""
         if begin:
             self._track, self._waypoints = [], []
         record = self._record
@@ -39,7 +39,7 @@ class BodyView:
                 self._waypoints.append(tuple(point[:3].tolist()))
 
     def scene(self) -> Scene:
-        """The present moment and how it came there, a `Scene`."""
+        """The present moment and the track so far, as a `Scene`."""
         track = np.array(self._track)
         told = dict(zip(self._episodes.plant.inputs, self._record["command"].tolist(), strict=True))
         velocity = self._states("u_mps", "v_mps", "w_mps")
@@ -64,7 +64,7 @@ class BodyView:
 
 
 def current_of(episodes: Episodes, row: np.ndarray) -> tuple[float, float] | None:
-    """The steady current, where a plant drives the environment; drawn values stand before the plant's."""
+    """The steady current, if a plant drives the environment; drawn values override the plant's."""
     if not isinstance(episodes.driver, Plant) or episodes.by_model:
         return None
     drawn = episodes.randomised_values(row)

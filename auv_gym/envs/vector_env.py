@@ -24,10 +24,11 @@ _looping: dict[str, int] = {}  # the process whose threads have run the loop
 
 
 class TaskVectorEnv(gymnasium.vector.VectorEnv):
-    """`num_envs` environments of a task, each bit for bit the `TaskEnv` of its seed and actions.
+    """A batch of `num_envs` environments, each bit for bit equal to the `TaskEnv` of its seed and actions.
 
     They differ in their seeds and in what is drawn from them. The compiled loop runs on numba's threads: call
-    `numba.set_num_threads` to leave cores to others. A process that has stepped it should start others by spawning.
+    `numba.set_num_threads` to leave cores to other work. A process that has stepped the batch should start other
+    processes by spawning.
     """
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
@@ -48,10 +49,10 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         render_mode: None = None,
         **own: Any,
     ):
-        """Environments with the options of `TaskEnv`; a model in Python is stepped for one after the other.
+        """Make environments with the options of `TaskEnv`; a model in Python is stepped for one after another.
 
-        autoreset_mode: an environment that has ended starts again with the next step, in which its action is not used
-        (NextStep), at once (SameStep), or when reset with options={"reset_mask": ...} (Disabled).
+        autoreset_mode: an environment that has ended restarts in the next step, which ignores its action (NextStep), at
+        once (SameStep), or when reset with options={"reset_mask": ...} (Disabled).
         """
         if isinstance(num_envs, bool) or not isinstance(num_envs, int | np.integer) or num_envs < 1:
             raise ValueError(f"num_envs needs a whole number of environments, 1 or more, got {num_envs!r}.")
@@ -78,7 +79,7 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self._mode = AutoresetMode(autoreset_mode)
         self._drivers: list[ModelDriver] = []
-        if episodes.by_model:  # each row is part of a buffer, as that of a single environment
+        if episodes.by_model:  # each row is part of a buffer, like that of a single environment
             row_at = episodes.plan.size + episodes.derived.size
             buffers = np.tile(episodes.new_buffer(), (self.num_envs, 1))
             self._rows = rows = buffers[:, row_at : row_at + episodes.row_size]
@@ -107,12 +108,12 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         """The vehicle that scales, limits and gains come from."""
         return self.episodes.plant
 
-    def reset(  # as SyncVectorEnv's, with a seed for each
+    def reset(  # like SyncVectorEnv's, with a seed for each
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """First observations and infos; environment i takes the seed plus i, or the i-th of several seeds.
+        """First observations and infos; environment i gets the seed plus i, or the i-th of several seeds.
 
-        options: as for a single environment, for all of them; reset_mask: (num_envs,) bool, those to reset.
+        options: as for a single environment, applied to all; reset_mask: (num_envs,) bool, those to reset.
         """
         options = dict(options or {})
         begins = self._reset_mask(options.pop("reset_mask", None))
@@ -239,7 +240,7 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
             self.episodes.kernel.begin_many(*given, observations)
 
     def _restarted(self, ended: np.ndarray, observations: np.ndarray) -> dict[str, Any]:
-        """Infos with the last observations and infos of the environments that have ended, which start again."""
+        """Infos with the last observations and infos of the environments that have ended, which restart."""
         last = self._infos()
         finals = np.full(self.num_envs, None, dtype=object)
         for i in np.flatnonzero(ended):
@@ -274,7 +275,7 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
 
 
 def _check_process() -> None:
-    """Raises in a process forked from one that has run the loop, whose threads it lacks: OpenMP would just end it."""
+    """Raise in a process forked from one that has run the loop: it lacks the threads, and OpenMP would just end it."""
     here = os.getpid()
     if _looping.setdefault("process", here) != here:
         raise RuntimeError(

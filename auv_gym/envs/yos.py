@@ -1,4 +1,4 @@
-"""The track and the yos of a glider, as a scene to draw; what gliders of several kinds share."""
+"""The track and yos of a glider as a scene to draw, shared by several kinds of glider."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from auv_gym.rendering import Scene, Target
 
 
 class YoView:
-    """Follows one environment, whose row it reads."""
+    """The view of one environment, whose row it reads."""
 
     def __init__(self, episodes: Episodes, row: np.ndarray):
         family, state_at = episodes.plant.family, int(episodes.settings["state_at"])
@@ -21,7 +21,7 @@ class YoView:
         self._waypoints: list[np.ndarray] = []
 
     def follow(self, begin: bool = False) -> None:
-        """Take the present position into the track, of a new episode if it begins."""
+        """Add the present position to the track; begin: whether an episode begins."""
         if begin:
             self._track, self._waypoints = [], []
         record = self._record
@@ -30,7 +30,7 @@ class YoView:
             self._waypoints.append(point[:3].copy())
 
     def scene(self) -> Scene:
-        """The present moment and how it came there."""
+        """The present moment and the track so far."""
         episodes, record = self._episodes, self._record
         track, told = np.array(self._track), dict(zip(episodes.plant.inputs, record["command"].tolist(), strict=True))
         current = current_of(episodes, self._row)

@@ -1,6 +1,6 @@
-"""What kinds of vehicle in six degrees of freedom share: sensors, first state, envelope, and a learned hull's reach.
+"""Shared hooks for vehicles in six degrees of freedom: sensors, initial state, envelope, and a learned hull's support.
 
-The functions are hooks, templates of a compiled step; see `kernel.hooks`.
+The functions are templates for a compiled step; see `kernel.hooks`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from auv_gym.envs.kernel.hooks import Vehicle
 from auv_gym.envs.kernel.layout import NO_REASON, OWN
 from auv_gym.vehicles.body.learned_hull import ROOM, support_distance
 
-# Why an episode was terminated.
+# Reasons for termination.
 BROACHED, TOO_DEEP, PITCHED, ROLLED, TOO_FAST, SPINNING, ARRIVED = range(OWN, OWN + 7)
 
 SENSORS = {
@@ -24,15 +24,15 @@ SENSORS = {
     "dvl_water": ("u_mps", "v_mps", "w_mps"),
     "position": ("north_m", "east_m"),
 }
-# of a plan: what a vehicle begins from, a state that commands keep, and what its actions mean
+# fields of a plan: initial values, a state that commands hold, and the meaning of actions
 BEGINNING = {
     "start_depth": 2, "kept_state": "states", "kept_command": "inputs", "limit": "actuators", "middle": "actuators",
     "action_of": "actuators",
 }  # fmt: skip
-# of a plan, and of what an info shows
+# fields of a plan that an info also shows
 LIMITS = {"depth_limit": 1, "speed_limit": 1, "pitch_limit": 1, "roll_limit": 1, "rate_limit": 1}
 SHOWN = {"reached": 1, "support_distance": 1}
-# channels of a first state that may be given
+# channels of an initial state that may be given
 START = (
     "north_m", "east_m", "depth_m", "roll_rad", "pitch_rad", "heading_rad",
     "u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps",
@@ -53,7 +53,7 @@ U = V = W = P = Q = R = DEPTH = ROLL = PITCH = HEADING = WAVE_PHASE = 0
 
 
 def place(plan, drawn, t, e, row):
-    """The first state, that which commands keep at a drawn depth and heading, and these commands."""
+    """The initial state that the commands hold at a drawn depth and heading, and these commands."""
     at, draws = int(t.state_at), int(t.draws_at)
     for i in range(STATES):
         row[at + i] = t.kept_state[i]
@@ -68,7 +68,7 @@ def place(plan, drawn, t, e, row):
 
 
 def beyond(x, t):
-    """Why a finite state ends the episode, and the number that does."""
+    """The reason why a finite state ends the episode, and the number responsible."""
     if x[DEPTH] < 0.0:
         return BROACHED, x[DEPTH]
     if x[DEPTH] > t.depth_limit:
@@ -87,6 +87,6 @@ def beyond(x, t):
 
 
 def doubt(x, derived, e, work):
-    """How far the vehicle's velocity is from those that a learned hull was trained with, over their reach."""
+    """The distance of the vehicle's velocity from a learned hull's training data, relative to their reach."""
     p = vehicle.parameters(derived)
     e.support_distance = support_distance(p, x, work[:ROOM]) if p.computed.learned != 0.0 else 0.0

@@ -1,10 +1,10 @@
-"""Where each number of an environment is: the flat float64 arrays that its compiled step works on.
+"""The layout of an environment's numbers in the flat float64 arrays that its compiled step works on.
 
     plan    what all episodes of an environment have in common: sizes, task, envelope, gains; then tables
     row     one episode: command, target, reading, observation; then state of the vehicle and drawn numbers
 
-An array handed from Python to compiled code costs a tenth of a microsecond, so a single environment has one buffer,
-[plan | derived parameters | row | scratch], and a vector environment has one row for each of its environments.
+Passing an array from Python to compiled code costs a tenth of a microsecond.  A single environment therefore has one
+buffer, [plan | derived parameters | row | scratch], and a vector environment has one row for each environment.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from auv_gym.vehicles.family import Family
 SAMPLING = ("delay", "noise", "quantisation", "dropout")
 TERMS = ("tracking", "command_travel", "progress")
 MOST_OBSERVATIONS = 32
-NOISE_ROWS = 64  # samples for which noise is drawn at a time
+NOISE_ROWS = 64  # samples for which noise is drawn at once
 
-START_DRAWS = 3  # uniform numbers of the first state
-CHANGE_DRAWS = 3  # of a new target or leg
+START_DRAWS = 3  # uniform numbers for the initial state
+CHANGE_DRAWS = 3  # for a new target or leg
 
-# What a step returns.
+# Return values of a step.
 RUNNING, TRUNCATED, TERMINATED, REFUSED, OVER = range(5)
-# Why an episode was terminated: nothing, a state that is no number or too large, and a kind's own reasons from OWN on.
+# Reasons for termination: none, a state that is NaN or too large, and a kind's own reasons from OWN on.
 NO_REASON, DIVERGED, OWN = range(3)
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """What a kind of vehicle has in its plans and rows besides what all have.
+    """The numbers that a kind of vehicle adds to the common ones in plans and rows.
 
-    geometry: what an observation can be made of besides readings and shares of the command limits.  sensors: those with
-    sampling effects, and the readings of each.  plan, row, shown: fields and how many numbers each holds, or the name
-    of what it has a number for; an info shows those in `shown`.  targets, first_targets: how many numbers a target has,
-    and how many of the first one may be given.
+    geometry: sources of observations other than readings and shares of the command limits.  sensors: those with
+    sampling effects, and the readings of each.  plan, row, shown: fields, each with its number of values, or the name
+    of what has one value each; an info shows those in `shown`.  targets, first_targets: number of values of a target,
+    and of those of the first target that may be given.
     """
 
     geometry: tuple[str, ...]
@@ -53,7 +53,7 @@ class Layout:
 
 @lru_cache
 def plan_type(family: Family, own: Layout) -> np.dtype:
-    """The record at the start of a plan; names ending in `_at` are offsets of what has no fixed place."""
+    """The record at the start of a plan; names ending in `_at` are offsets of parts without a fixed position."""
     return _record(
         family,
         {
@@ -68,7 +68,7 @@ def plan_type(family: Family, own: Layout) -> np.dtype:
             # task
             "steps": 1, "true_index": 1, "read_index": 1, "is_angle": 1, "error_scale": 1,
             "weight": len(TERMS), "target_step": 2, "target_hold": 2, "target_band": 2, "fixed_target": 1,
-            # the sensor of each reading; -1 where the reading is what the vehicle makes of it
+            # the sensor of each reading; -1 if the reading is the vehicle's output itself
             "sensor_of": "outputs",
             **own.plan,
         },
@@ -77,7 +77,7 @@ def plan_type(family: Family, own: Layout) -> np.dtype:
 
 @lru_cache
 def row_type(family: Family, own: Layout) -> np.dtype:
-    """The record at the start of a row; `features` are what observations are made of."""
+    """The record at the start of a row; observations are computed from its `features`."""
     features = len(family.outputs) + len(own.geometry) + len(family.inputs)
     return _record(
         family,
@@ -87,7 +87,7 @@ def row_type(family: Family, own: Layout) -> np.dtype:
             "sampling": len(own.sensors) * len(SAMPLING), "start": "states", "first_target": own.first_targets,
             "raw": "outputs",
             "observation": MOST_OBSERVATIONS // 2,  # float32
-            # what info shows, together with the state that follows
+            # shown in infos, together with the state that follows
             "features": features, "command": "inputs", "time": 1, "target": own.targets, "term": len(TERMS),
             **own.shown,
         },
@@ -101,12 +101,12 @@ def offset(record: np.dtype, name: str) -> int:
 
 
 def size(record: np.dtype) -> int:
-    """How many numbers a record holds."""
+    """The number of values in a record."""
     return record.itemsize // 8
 
 
 def _record(family: Family, sizes: Mapping[str, int | str]) -> np.dtype:
     counts = {name: len(getattr(family, size)) if isinstance(size, str) else size for name, size in sizes.items()}
-    # a number for each input, say, is an array where there is one input, too
+    # a field with one value per input, for example, is an array even for a single input
     fields = [(n, np.float64) if sizes[n] == 1 else (n, np.float64, (count,)) for n, count in counts.items()]
     return np.dtype((np.record, fields))

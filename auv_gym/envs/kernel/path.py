@@ -1,6 +1,6 @@
-"""Straight legs between waypoints: where a vehicle is relative to one, and how an episode goes on from leg to leg.
+"""Straight legs between waypoints: a vehicle's position relative to a leg, and the switch to the next leg.
 
-Compiled parts that several kinds of vehicle share; `PLAN`, `ROW` and `GEOMETRY` are what plans and rows need for them.
+Compiled parts shared by several kinds of vehicle; `PLAN`, `ROW` and `GEOMETRY` list the fields that they need.
 """
 
 from math import asin, atan2, cos, sin, sqrt
@@ -11,8 +11,8 @@ from auv_gym.envs.kernel.layout import CHANGE_DRAWS, START_DRAWS
 PLAN = {
     "follows_path": 1, "leg": 2, "turn": 1, "slope": 1, "path_speed": 1, "radius": 1, "waypoints_at": 1, "waypoints": 1,
 }  # fmt: skip
-NORTH = EAST = 0  # open in the template, which is compiled
-# the leg of a path: where it starts, the waypoint after its end, and directions
+NORTH = EAST = 0  # placeholders in the template, which is compiled
+# the leg of a path: its start, the waypoint after its end, and directions
 ROW = {"origin": 3, "next": 3, "course": 1, "sink": 1, "length": 1, "next_course": 1, "next_sink": 1}
 GEOMETRY = (
     "across", "below", "remaining", "course_sin", "course_cos", "sink", "next_course_sin", "next_course_cos",
@@ -22,7 +22,7 @@ GEOMETRY = (
 
 @compiled
 def leg_between(north0, east0, depth0, north1, east1, depth1):
-    """Course, rad, angle of descent, rad, and length, m, of the way from one point to another."""
+    """Course, rad, angle of descent, rad, and length, m, from one point to another."""
     north, east, down = north1 - north0, east1 - east0, depth1 - depth0
     length = sqrt(north * north + east * east + down * down)
     if length <= 0.0:
@@ -32,7 +32,7 @@ def leg_between(north0, east0, depth0, north1, east1, depth1):
 
 @compiled
 def leg_axes(north, east, down, course, sink):
-    """A vector along a leg, to starboard of it and below it; m or m/s."""
+    """Components of a vector along a leg, to starboard of it and below it; m or m/s."""
     ahead = cos(course) * north + sin(course) * east
     return (
         cos(sink) * ahead + sin(sink) * down,
@@ -43,14 +43,14 @@ def leg_axes(north, east, down, course, sink):
 
 @compiled
 def point_ahead(north, east, depth, course, sink, length):
-    """The point, m, that lies `length` further in a direction."""
+    """The point, m, at a distance `length` in a direction."""
     level = length * cos(sink)
     return north + level * cos(course), east + level * sin(course), depth + length * sin(sink)
 
 
 @outlined
 def lead_on(plan, t, e, row):
-    """The waypoint after the present one into e.next, given or drawn, and the leg to it."""
+    """Put the waypoint after the present one, given or drawn, into e.next, and compute the leg to it."""
     count = int(t.waypoints)
     k = int(e.reached) + 1
     if count > 0:
@@ -78,7 +78,7 @@ def lead_on(plan, t, e, row):
 
 @outlined
 def begin_path(plan, north, east, depth, heading, t, e, row):
-    """The first two legs of a path, from a place and a heading, m and rad."""
+    """Set the first two legs of a path, from a position and a heading, m and rad."""
     e.origin[0], e.origin[1], e.origin[2] = north, east, depth
     e.target[0], e.target[1], e.target[2] = north, east, depth
     e.course, e.reached = heading, -1.0
@@ -94,7 +94,7 @@ def begin_path(plan, north, east, depth, heading, t, e, row):
 
 @compiled
 def go_on(plan, at_north, at_east, at_depth, t, e, row):
-    """Turn to the next leg where the waypoint is reached from a place, m; whether the last one is."""
+    """Switch to the next leg if the waypoint is reached from a position, m; returns whether it was the last one."""
     north, east, down = at_north - e.origin[0], at_east - e.origin[1], at_depth - e.origin[2]
     along, _, _ = leg_axes(north, east, down, e.course, e.sink)
     north, east, down = e.target[0] - at_north, e.target[1] - at_east, e.target[2] - at_depth
@@ -115,7 +115,7 @@ def go_on(plan, at_north, at_east, at_depth, t, e, row):
 
 @compiled
 def path_terms(north, east, depth, moved_north, moved_east, moved_down, t, e):
-    """The reward terms of a place, m, off the leg, and of what was moved along it in the step."""
+    """The reward terms for a position off the leg, m, and for the progress along it in the step."""
     _, across, below = leg_axes(north - e.origin[0], east - e.origin[1], depth - e.origin[2], e.course, e.sink)
     moved, _, _ = leg_axes(moved_north, moved_east, moved_down, e.course, e.sink)
     return (
@@ -126,7 +126,7 @@ def path_terms(north, east, depth, moved_north, moved_east, moved_down, t, e):
 
 @compiled
 def look_along(north, east, depth, heading, e, at):
-    """What `GEOMETRY` names into the features from `at` on, of a place, m, and a heading, rad."""
+    """Put the features that `GEOMETRY` names, from index `at` on, for a position, m, and a heading, rad."""
     f = e.features
     along, across, below = leg_axes(north - e.origin[0], east - e.origin[1], depth - e.origin[2], e.course, e.sink)
     turn, next_turn = e.course - heading, e.next_course - heading
@@ -136,6 +136,6 @@ def look_along(north, east, depth, heading, e, at):
 
 
 def score_from_above(x, before, t, e):
-    """The reward terms of the true place beside the leg, and of the way made good along it, both from above."""
+    """The horizontal reward terms of the true position off the leg, and of the progress along it."""
     north, east = x[NORTH] - before[NORTH], x[EAST] - before[EAST]
     e.term[0], e.term[2] = path_terms(x[NORTH], x[EAST], 0.0, north, east, 0.0, t, e)

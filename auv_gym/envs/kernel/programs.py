@@ -1,10 +1,10 @@
-"""One step of an environment, and the start of an episode, as compiled code; for one environment and for many.
+"""Compiled programs: one step of an environment, and the start of an episode, for one environment or many.
 
-The functions are templates. What they call by a plain name is the template of this name, bound before them; `hooks`,
-`vehicle` and `records` are the kind's part of the step, the family's programs and the records of plan and row. Names in
-capitals are numbers, see `open_numbers`. `bind_kernel` puts it all together. `layout` says what the numbers of a plan
-and a row are. All randomness is in numbers that were drawn before and lie in the row, so that one environment and many
-do the same with the same generators.
+The functions are templates. A plain name that they call is the template of that name, bound before; `hooks`, `vehicle`
+and `records` are the kind's part of the step, the family's programs, and the records of plan and row. Names in capitals
+are numbers, see `open_numbers`. `bind_kernel` combines them. `layout` describes the numbers of a plan and a row. All
+random numbers are drawn beforehand and stored in the row, so that single and vector environments with the same
+generators behave the same.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from auv_gym.physics.sensors import sampled
 from auv_gym.plant.rollout import bind_family, scratch_for
 from auv_gym.vehicles.family import Family
 
-_LARGEST = 1e9  # a state beyond it counts as diverged: positions and angles no longer resolve a step
+_LARGEST = 1e9  # a larger state counts as diverged: positions and angles would no longer resolve a step
 _EFFECTS = len(SAMPLING)
 
 hooks: Hooks = OPEN
@@ -50,7 +50,7 @@ IN_ELAPSED = -1
 
 
 def fault(x, t):
-    """Why this state ends the episode, and the number that does (of a diverged state, its index)."""
+    """The reason why a state ends the episode, and the number responsible (for a diverged state, its index)."""
     for i in range(x.shape[0]):
         if not abs(x[i]) < _LARGEST:
             return DIVERGED, float(i)
@@ -58,7 +58,7 @@ def fault(x, t):
 
 
 def sample(t, e, row, fresh):
-    """What the sensors read of e.raw now, into the features; fresh: there is nothing older to read."""
+    """Put the sensors' readings of e.raw into the features; fresh: whether there are no older readings."""
     if t.sampled == 0.0:
         for i in range(OUTPUTS):
             e.features[i] = e.raw[i]
@@ -92,7 +92,7 @@ def sample(t, e, row, fresh):
 
 
 def observe(plan, t, e, row):
-    """The observation, from the features that the readings give."""
+    """Compute the observation from the features and readings."""
     hooks.look(t, e, row)
     f = e.features
     observation = row[OBSERVATION_AT : OBSERVATION_AT + 16].view(np.float32)
@@ -104,9 +104,9 @@ def observe(plan, t, e, row):
 
 
 def outcome(plan, derived, row, t, e):
-    """What follows from the state that the vehicle or the model has reached: reward, reading, target, observation.
+    """Compute the outcome of the state that the vehicle or the model has reached: reward, reading, target, observation.
 
-    Returns the status.  A diverged state is put back to the last finite one, and what was read then stays.
+    Returns the status.  A diverged state is replaced by the last finite one, and its readings are kept.
     """
     state_at, previous_at, count = int(t.state_at), int(t.previous_at), int(t.full_state)
     x, before = row[state_at : state_at + count], row[previous_at : previous_at + count]
@@ -139,20 +139,20 @@ def outcome(plan, derived, row, t, e):
 
 
 def command(plan, t, e):
-    """The commands of the action in the row, and the time of the step for a vehicle that changes with it."""
+    """Compute the commands of the row's action, and the length of the step if it varies for this vehicle."""
     hooks.command(plan, t, e)
     if IN_ELAPSED >= 0:
         e.command[IN_ELAPSED] = e.time
 
 
 def advance(plan, derived, row, t, e, work):
-    """One step of an environment whose action is in the row; the status."""
+    """Advance an environment with the action in the row by one step; returns the status."""
     command(plan, t, e)
     state_at, previous_at, count = int(t.state_at), int(t.previous_at), int(t.full_state)
     x = row[state_at : state_at + count]
     for i in range(count):
         row[previous_at + i] = x[i]
-    # a slice, since a field of the row has a type of its own, for which the step would be compiled once more
+    # a slice, since a field of the row has its own type, for which the step would be compiled again
     inputs = row[COMMAND_AT : COMMAND_AT + INPUTS]
     vehicle.step(x, inputs, hooks.ages(plan, t, row), t.longest_step, derived, work)
     hooks.doubt(x, derived, e, work)
@@ -160,10 +160,10 @@ def advance(plan, derived, row, t, e, work):
 
 
 def begin(vector, plan, derived, row):
-    """The start of an episode in a row whose numbers are drawn: parameters, state, target and first observation.
+    """Start an episode in a row with drawn numbers: parameters, state, target and first observation.
 
-    vector: the parameters before randomisation.  The vehicle starts with its actuators where its first commands have
-    them, except for what row.start gives.
+    vector: the parameters before randomisation.  The vehicle's actuators start at its first commands, except for values
+    given in row.start.
     """
     t, e = records.plan(plan[:PLAN_FIXED]), records.row(row[:ROW_FIXED])
     draws, randomised = int(t.draws_at), int(t.randomised)
@@ -199,7 +199,7 @@ def begin(vector, plan, derived, row):
     p = vehicle.parameters(derived)
     memory = x[STATES + ACTUATORS : STATES + 2 * ACTUATORS]
     past = x[count - int(t.history) * ACTUATORS :].reshape((int(t.history), ACTUATORS))
-    for _ in range(2):  # the first time for the play, which starts in its middle
+    for _ in range(2):  # the first pass sets the play, which starts in its middle
         vehicle.shape(row[COMMAND_AT : COMMAND_AT + INPUTS], memory, p, past[0])
         for j in range(ACTUATORS):
             memory[j] = past[0, j]
@@ -219,7 +219,7 @@ def begin(vector, plan, derived, row):
 
 
 def begin_one(vector, buffer):
-    """The start of an episode in the buffer of a single environment."""
+    """Start an episode in the buffer of a single environment."""
     plan_size = int(buffer[0])
     row_at = plan_size + int(buffer[2])
     row = buffer[row_at : row_at + int(buffer[1])]
@@ -227,7 +227,7 @@ def begin_one(vector, buffer):
 
 
 def step_one(buffer):
-    """One step of a single environment; the status: REFUSED where the action is not finite, OVER after the end."""
+    """Advance a single environment by one step; the status is REFUSED for a non-finite action, OVER after the end."""
     plan_size = int(buffer[0])
     row_at = plan_size + int(buffer[2])
     work_at = row_at + int(buffer[1])
@@ -242,7 +242,7 @@ def step_one(buffer):
 
 
 def command_one(buffer):
-    """The commands for a model that drives a single environment; its status as that of `step_one`."""
+    """Compute the commands for a model that drives a single environment; status as for `step_one`."""
     plan_size = int(buffer[0])
     row_at = plan_size + int(buffer[2])
     plan, row = buffer[:plan_size], buffer[row_at : row_at + int(buffer[1])]
@@ -259,7 +259,7 @@ def command_one(buffer):
 
 
 def look_one(buffer):
-    """The first observation of a single environment whose state and outputs are a model's."""
+    """Compute the first observation of a single environment from a model's state and outputs."""
     plan_size = int(buffer[0])
     row_at = plan_size + int(buffer[2])
     row = buffer[row_at : row_at + int(buffer[1])]
@@ -270,7 +270,7 @@ def look_one(buffer):
 
 
 def outcome_one(buffer):
-    """What follows from a model's state and outputs in the buffer of a single environment; the status."""
+    """Compute the outcome of a model's state and outputs in the buffer of a single environment; returns the status."""
     plan_size = int(buffer[0])
     row_at = plan_size + int(buffer[2])
     plan, row = buffer[:plan_size], buffer[row_at : row_at + int(buffer[1])]
@@ -278,7 +278,7 @@ def outcome_one(buffer):
 
 
 def step_many(vector, plan, derived, rows, begins, observations, rewards, terminated, truncated):
-    """One step of every row, on all cores; rows in `begins` start an episode instead, with reward 0.
+    """Advance every row by one step, on all cores; rows in `begins` start an episode instead, with reward 0.
 
     derived: (n, ...), or (1, ...) for all rows.  observations: (n, ...) float32.  rewards: (n,).
     terminated, truncated: (n,) bool.
@@ -301,7 +301,7 @@ def step_many(vector, plan, derived, rows, begins, observations, rewards, termin
 
 
 def begin_many(vector, plan, derived, rows, begins, observations):
-    """The start of an episode in the rows in `begins`, on all cores; observations of the other rows stay."""
+    """Start an episode in the rows in `begins`, on all cores; observations of the other rows are unchanged."""
     own = 1 if derived.shape[0] > 1 else 0
     for i in prange(rows.shape[0]):
         if begins[i]:
@@ -313,7 +313,7 @@ def begin_many(vector, plan, derived, rows, begins, observations):
 
 @dataclass(frozen=True, eq=False)
 class Kernel:
-    """The compiled programs of a kind of vehicle; each is compiled when first called, and found in the cache after."""
+    """The compiled programs of a kind of vehicle; each is compiled at its first call, and then cached."""
 
     begin_one: Any
     step_one: Any
@@ -325,11 +325,11 @@ class Kernel:
 
 
 _BOUND: dict[str, Kernel] = {}
-_CALLED = ("aim", "begin")  # too long, or too rare, to be compiled into those that call them
+_CALLED = ("aim", "begin")  # too long, or too rarely called, to be inlined
 
 
 def bind_kernel(family: Family, kind: EnvKind) -> Kernel:
-    """The programs of a family, whose kind fills the hooks."""
+    """The programs of a family; its kind supplies the hooks."""
     program = family.program or family.kind
     if program in _BOUND:
         return _BOUND[program]
@@ -350,7 +350,7 @@ def bind_kernel(family: Family, kind: EnvKind) -> Kernel:
         for hook in fields(Hooks)
     }
     known |= {"hooks": namespace(Hooks(**filled)), "records": namespace(views)}
-    for template in (fault, sample, observe, outcome, command, advance, begin):  # each after those that it calls
+    for template in (fault, sample, observe, outcome, command, advance, begin):  # each comes after those that it calls
         known[template.__name__] = bind(template, program, inline=template.__name__ not in _CALLED, **known)
     _BOUND[program] = Kernel(
         begin_one=ready(bind(begin_one, program, inline=False, **known)),
@@ -365,10 +365,10 @@ def bind_kernel(family: Family, kind: EnvKind) -> Kernel:
 
 
 def open_numbers(family: Family, kind: EnvKind) -> dict[str, int]:
-    """The numbers by which templates know a family: sizes, and places of states, readings, inputs and features.
+    """The numbers that templates need about a family: sizes, and indices of states, readings, inputs and features.
 
-    A channel's name is that without its unit: DEPTH for the place of depth_m among the states, READ_DEPTH among the
-    readings, IN_DEPTH among the inputs.  ERROR, or another name of `Layout.geometry`, is a place among the features;
+    Names are those of channels without the unit: DEPTH is the index of depth_m among the states, READ_DEPTH among the
+    readings, IN_DEPTH among the inputs.  ERROR, or another name of `Layout.geometry`, is an index among the features;
     SHARES is that of the first command's share of its limit.
     """
     plan, row, outputs = plan_type(family, kind.layout), row_type(family, kind.layout), len(family.outputs)

@@ -1,15 +1,15 @@
-"""What the pump of a buoyancy engine and the hotel load cost in a step: compiled parts that kinds of glider share.
+"""Energy of a buoyancy engine's pump and of the hotel load in a step: compiled parts shared by kinds of glider.
 
-`PLAN`, `ROW` and `SHOWN` are what plans and rows need for them.
+`PLAN`, `ROW` and `SHOWN` list the fields that they need.
 """
 
 from __future__ import annotations
 
 from auv_gym.compiled import compiled
 
-# engine_rate: m^3/s.  pump: J for a m^3 at a depth of 1 m.  hotel, usual_power: W.
+# engine_rate: m^3/s.  pump: J per m^3 at a depth of 1 m.  hotel, usual_power: W.
 PLAN = {"engine_rate": 1, "pump": 1, "hotel": 1, "usual_power": 1}
-ROW = {"engine": 1}  # m^3, where the engine is by its rate
+ROW = {"engine": 1}  # m^3, position of the engine, limited by its rate
 SHOWN = {"energy": 1}  # J, since the episode began
 
 
@@ -17,7 +17,7 @@ SHOWN = {"energy": 1}  # J, since the episode began
 def energy_term(told, depth, t, e):
     """The reward term of the energy of a step, in which the engine moves towards a volume, m^3, at its rate.
 
-    The pump works against the pressure at a depth, m; what is valved in costs nothing.
+    The pump works against the pressure at a depth, m; the valve uses no energy.
     """
     most = t.engine_rate * t.dt
     move = min(max(told - e.engine, -most), most)

@@ -1,4 +1,4 @@
-"""Targets that change in steps, and steps of one length: compiled parts that several kinds of vehicle share."""
+"""Targets that change in steps, and time steps of constant length: compiled parts shared by kinds of vehicle."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ def target_error(value, t, e):
 
 @compiled
 def tracking_term(x, t, e):
-    """The reward term of the true state x, for the target that the action was chosen for."""
+    """The reward term of the true state x, for the target for which the action was chosen."""
     return -t.weight[0] * min(abs(target_error(x[int(t.true_index)], t, e)) / t.error_scale, 1.0)
 
 
 @compiled
 def draw_target(t, e, row):
-    """Draw a new target where the present one has had its time."""
+    """Draw a new target if the present one has expired."""
     if isnan(t.fixed_target) and e.time >= e.change_at - 1e-9:
         at = int(t.draws_at) + START_DRAWS + int(t.randomised) + CHANGE_DRAWS * (int(e.change) % int(t.changes))
         e.change += 1.0
@@ -41,7 +41,7 @@ def draw_target(t, e, row):
 
 @compiled
 def first_target(x, t, e, row):
-    """Set the first target of an episode: a step from where the vehicle is, or what was given."""
+    """Set the first target of an episode: a step from the vehicle's initial value, or the given target."""
     e.target[0] = x[int(t.true_index)]
     draw_target(t, e, row)
     if not isnan(t.fixed_target):
@@ -52,7 +52,7 @@ def first_target(x, t, e, row):
 
 @compiled
 def put_constants(plan, drawn, t, e):
-    """Set all inputs to rest, and constant ones to this episode's parameters."""
+    """Set all inputs to rest, and constant inputs to this episode's parameters."""
     for j in range(e.command.shape[0]):
         e.command[j] = 0.0
     at = int(t.constants_at)
@@ -61,7 +61,7 @@ def put_constants(plan, drawn, t, e):
         at += 2
 
 
-# Hooks of kinds whose steps are all of one length.
+# Hooks of kinds with time steps of constant length.
 
 
 def pass_time(t, e, row):
@@ -70,21 +70,21 @@ def pass_time(t, e, row):
 
 
 def steps_left(t, e):
-    """How many steps are left of the episode."""
+    """The number of steps left in the episode."""
     return t.steps - e.step
 
 
 def ages(plan, t, row):
-    """The times of kept commands, which all rows share."""
+    """The times of stored commands, which are the same for all rows."""
     at = int(t.ages_at)
     return plan[at : at + int(t.history) + 1]
 
 
-# Hooks of kinds whose targets are values of a channel, and whose forces are not learned.
+# Hooks of kinds whose targets are values of a channel, and which have no learned forces.
 
 
 def aim(plan, x, t, e, row):
-    """Draw a new target where the present one has had its time."""
+    """Draw a new target if the present one has expired."""
     draw_target(t, e, row)
 
 
@@ -94,4 +94,4 @@ def set_out(plan, x, t, e, row):
 
 
 def doubt(x, derived, e, work):
-    """Nothing: no forces are learned."""
+    """Do nothing, since no forces are learned."""

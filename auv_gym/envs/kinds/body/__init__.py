@@ -15,14 +15,14 @@ from auv_gym.vehicles.family import Family
 
 
 def _view(episodes: Any, row: np.ndarray) -> View:
-    from auv_gym.envs.kinds.body.view import goal  # with matplotlib, so not before a picture is wanted
+    from auv_gym.envs.kinds.body.view import goal  # imports matplotlib, so only when a picture is needed
     from auv_gym.envs.track import BodyView
 
     return BodyView(episodes, row, goal)
 
 
 def _first_of_roles(family: Family) -> dict[str, int]:
-    """YAW_INPUT and others: the first input of each role, -1 where there is none."""
+    """YAW_INPUT and others: the first input of each role, -1 if there is none."""
     roles = family.body.by_role()
     return {
         f"{role.upper()}_INPUT": family.inputs.index(roles[role][0]) if role in roles else -1

@@ -1,4 +1,4 @@
-"""What is a body's own in a compiled step: its commands, envelope, targets and paths; see `kernel.hooks`."""
+"""The hooks of vehicles with fins: commands, envelope, targets and paths; see `kernel.hooks`."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ READ_W = READ_Q = READ_R = READ_V = READ_NORTH = READ_EAST = READ_DEPTH = READ_P
 
 
 def command(plan, t, e):
-    """The commands of an action, and what the regulators hold, into e.command, and what their change costs into e.term.
+    """Put the commands of an action and of the regulators into e.command, and the cost of their change into e.term.
 
-    Fins outside the action keep the cruise, by linear feedback of the readings: the rudder the heading and the stern
-    plane the depth at which the episode began.
+    Fins outside the action hold the cruise by linear feedback of the readings: the rudder holds the heading, and the
+    stern plane the depth, at which the episode began.
     """
     travel = 0.0
     for j in range(ACTUATORS):
@@ -55,7 +55,7 @@ def command(plan, t, e):
 
 
 def score(x, before, t, e):
-    """The reward terms of the true state x, for the target that the action was chosen for."""
+    """The reward terms of the true state x, for the target for which the action was chosen."""
     if t.follows_path == 0.0:
         e.term[0] = tracking_term(x, t, e)
         return
@@ -64,7 +64,7 @@ def score(x, before, t, e):
 
 
 def aim(plan, x, t, e, row):
-    """A new target or leg where the present one has had its time or is reached; e.reason where it was the last."""
+    """Set a new target or leg if the present one has expired or is reached; sets e.reason after the last one."""
     if t.follows_path == 0.0:
         draw_target(t, e, row)
     elif go_on(plan, x[NORTH], x[EAST], x[DEPTH], t, e, row):
@@ -72,7 +72,7 @@ def aim(plan, x, t, e, row):
 
 
 def look(t, e, row):
-    """Errors and directions as the readings show them into the features."""
+    """Put errors and directions according to the readings into the features."""
     f = e.features
     if t.follows_path == 0.0:
         error = target_error(f[int(t.read_index)], t, e)
@@ -84,7 +84,7 @@ def look(t, e, row):
 
 
 def set_out(plan, x, t, e, row):
-    """The first target or leg of an episode, and what the held fins keep."""
+    """Set the first target or leg of an episode, and the set points of the held fins."""
     e.held[0], e.held[1] = x[DEPTH], x[HEADING]
     if t.follows_path == 0.0:
         first_target(x, t, e, row)

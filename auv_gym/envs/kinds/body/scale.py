@@ -1,6 +1,6 @@
-"""What a body with fins and a drive makes of a task.
+"""Scaling of a task to a body with fins and a drive.
 
-Its cruise gives the scales, the first state and the gains of the held fins.
+Its cruise gives the scales, the initial state and the gains of the held fins.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from auv_gym.envs.tasks import PROPULSION, Task
 from auv_gym.plant import Plant
 from auv_gym.plant.cruise import command_limits, command_middles, find_cruise, find_helm
 
-_HELD = {  # what the regulators of held fins read
+_HELD = {  # readings used by the regulators of held fins
     "yaw": ("v_mps", "r_radps", "heading_rad"),
     "pitch": ("w_mps", "q_radps", "pitch_rad", "depth_m"),
 }
@@ -30,10 +30,10 @@ def scale(
     waypoints: Sequence[Sequence[float]] | None = None,
     actions: Sequence[str] | None = None,
 ) -> ScaledTask:
-    """The task of a body; raises on waypoints or actions the vehicle cannot have, and without level flight.
+    """Scale a task to a body; raises for impossible waypoints or actions, and if level flight is impossible.
 
     waypoints: rows of north, east, depth, m; by default they are drawn.  actions: the inputs that an action commands,
-    in place of the task's.
+    instead of the task's.
     """
     if task.channel and waypoints is not None:
         raise ValueError(f"{task.name} has a target, not waypoints: give target= in the unit of {task.channel}.")
@@ -68,7 +68,7 @@ def scale(
         else {},
         read=(*(o.source for o in task.observed if o.source in plant.outputs), *where),
         driven=tuple(a for a in moved if a != stands_for.get("bow_plane_rad")),
-        # where a vehicle needs more changes than the shortest times or legs give, they are used again
+        # if more changes are needed than these shortest times or legs imply, drawn numbers are reused
         shortest=task.hold[0] / rate if task.channel else tasks.LEG[0] * length / (2.0 * speed),
         least_dt=plant.dt,
         target_limits=tasks.target_limits(length),
@@ -90,7 +90,7 @@ def scale(
 
 
 def _channels(plant: Plant) -> dict[str, str]:
-    """The vehicle's own channels of what a task calls rudder, stern plane, bow plane and propulsion."""
+    """The vehicle's own channels for a task's rudder, stern plane, bow plane and propulsion."""
     roles = plant.family.body.by_role()
     named = {"rudder_rad": roles["yaw"][0], "stern_plane_rad": roles["pitch"][0], PROPULSION: roles["surge"][0]}
     return {**named, **({"bow_plane_rad": roles["pitch"][1]} if len(roles["pitch"]) > 1 else {})}

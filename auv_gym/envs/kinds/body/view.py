@@ -1,4 +1,4 @@
-"""What a picture shows of a body's task."""
+"""The target of a body's task, for pictures."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from auv_gym.rendering import Target
 
 
 def goal(episodes: Episodes, record: Any, waypoints: np.ndarray) -> Target:
-    """What the vehicle is asked to do now."""
+    """The vehicle's present target."""
     channel = episodes.task.channel
     if not channel:
         return Target(waypoints=waypoints, active=int(record["reached"]), radius=float(episodes.settings["radius"]))

@@ -13,7 +13,7 @@ from auv_gym.envs.kinds.float.scale import scale
 
 
 def _view(episodes: Any, row: np.ndarray) -> View:
-    from auv_gym.envs.kinds.float.view import FloatView  # with matplotlib, so not before a picture is wanted
+    from auv_gym.envs.kinds.float.view import FloatView  # imports matplotlib, so only when a picture is needed
 
     return FloatView(episodes, row)
 
@@ -22,7 +22,7 @@ KIND = EnvKind(
     title="a profiling float",
     layout=Layout(
         geometry=("error", "position"),
-        # a float has no sensor of its rate but the one of its depth
+        # a float measures its rate only through its depth sensor
         sensors={"depth": ("depth_m", "depth_rate_mps")},
         plan={
             "start_depth": 2, "duration": 1, "near": 1, "near_dt": 1,

@@ -1,4 +1,4 @@
-"""What is the profiling float's own in a step: buoyancy engine, envelope, two sampling rates; see `kernel.hooks`."""
+"""The hooks of profiling floats: buoyancy engine, envelope, two sampling rates; see `kernel.hooks`."""
 
 from __future__ import annotations
 
@@ -6,21 +6,22 @@ from auv_gym.envs.kernel.hooks import Hooks
 from auv_gym.envs.kernel.layout import NO_REASON, OWN
 from auv_gym.envs.kernel.targets import aim, doubt, put_constants, set_out, target_error, tracking_term
 
-# Why an episode was terminated.
+# Reasons for termination.
 FLEW, TOO_DEEP, TOO_FAST = range(OWN, OWN + 3)
 
-# Open in the templates, which are compiled.
+# Placeholders in the templates, which are compiled.
 STATES = ACTUATORS = SHARES = ERROR = POSITION = DEPTH = DEPTH_RATE = READ_DEPTH = READ_DEPTH_RATE = 0
 IN_PUMPED_VOLUME = IN_VALVED_VOLUME = IN_VALVED_DEPTH = 0
 
-_AIR = -1.0  # m; a float that is under control bobs at the surface, and does not leave it
+_AIR = -1.0  # m; a controlled float bobs at the surface and does not leave the water
 
 
 def command(plan, t, e):
-    """The commands of an action into e.command, and what its change costs into e.term.
+    """Put the commands of an action into e.command, and the cost of their change into e.term.
 
-    e.position: where the engine is by its rate, as a share of its range. A piston is told where to go and goes there
-    by itself; oil is held back here, and logged as a float logs it: what was pumped and valved, and valved at depth.
+    e.position: the engine's position, limited by its rate, as a share of its range. A piston gets its target and moves
+    there by itself; oil is limited here, and logged as a float logs it: the volumes pumped and valved, and valved at
+    depth.
     """
     j = int(t.engine)
     share = min(max(e.action[0], -1.0), 1.0)
@@ -38,7 +39,7 @@ def command(plan, t, e):
 
 
 def beyond(x, t):
-    """Why a finite state ends the episode, and the number that does."""
+    """The reason why a finite state ends the episode, and the number responsible."""
     if x[DEPTH] < _AIR:
         return FLEW, x[DEPTH]
     if x[DEPTH] > t.depth_limit:
@@ -49,14 +50,14 @@ def beyond(x, t):
 
 
 def score(x, before, t, e):
-    """The reward term of the true state x, for the target that the action was chosen for, by the length of the step."""
+    """The reward term of the true state x, for the target of the action, weighted by the step's length."""
     e.term[0] = tracking_term(x, t, e) * (e.coming_dt / t.dt)
 
 
 def look(t, e, row):
-    """Error, rate and position into the features, and how long the coming step is.
+    """Put error, rate, position and the length of the coming step into the features.
 
-    The rate is what the depth sensor's readings give: their change over the step.
+    The rate is that of the depth sensor's readings: their change over the step.
     """
     f = e.features
     f[READ_DEPTH_RATE] = (f[READ_DEPTH] - e.last_depth) / e.coming_dt if e.step > 0.0 else 0.0
@@ -67,7 +68,7 @@ def look(t, e, row):
 
 
 def pass_time(t, e, row):
-    """The time after one more step into e.time, and the ages of the kept commands."""
+    """Put the time after one more step into e.time, and update the ages of the stored commands."""
     e.time = e.step * t.dt if t.near == 0.0 else e.time + e.coming_dt
     at = int(t.ages_at)
     for k in range(at, at + int(t.history) - 1):
@@ -75,19 +76,19 @@ def pass_time(t, e, row):
 
 
 def steps_left(t, e):
-    """How many steps of the longer kind are left of the episode."""
+    """The number of long steps left in the episode."""
     left = (t.duration - e.time) / t.dt
     return left if left > 1e-6 else 0.0
 
 
 def ages(plan, t, row):
-    """The times, s, of the commands that the vehicle's state keeps, ending at 0, then the end of the step."""
+    """The times, s, of the commands in the vehicle's state, ending at 0, then the end of the step."""
     at = int(t.ages_at)
     return row[at : at + int(t.history) + 1]
 
 
 def place(plan, drawn, t, e, row):
-    """The first state, at rest at a drawn depth, and the inputs at neutral trim; drawn: this episode's parameters."""
+    """Set the initial state, at rest at a drawn depth, and inputs at neutral trim; drawn: this episode's parameters."""
     x_at = int(t.state_at)
     row[x_at + DEPTH] = t.start_depth[0] + (t.start_depth[1] - t.start_depth[0]) * row[int(t.draws_at)]
     put_constants(plan, drawn, t, e)

@@ -1,4 +1,4 @@
-"""What a profiling float makes of a task: its buoyancy engine gives the scales, and its trim the first state."""
+"""Scaling of a task to a profiling float: its buoyancy engine gives the scales, its trim the initial state."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ from auv_gym.plant.float_engine import find_engine
 def scale(
     task: Task, plant: Plant, *, duration: float | None, target: float | None, near: Any = None, depths: Any = None
 ) -> ScaledTask:
-    """The task of a float; raises on options that are no pairs, and if the float cannot dive both ways.
+    """Scale a task to a float; raises for options that are not pairs, and if the float cannot dive both ways.
 
-    near: (m, s), a step lasts so long where the error is smaller.  depths: m, where starts and drawn targets lie.
+    near: (m, s), length of a step while the error is smaller than the first.  depths: m, range of starts and drawn
+    targets.
     """
     engine, family = find_engine(plant), plant.family
     speed, length, rate = engine.speed, engine.speed * engine.time, 1.0 / engine.time

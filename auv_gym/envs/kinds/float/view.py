@@ -9,7 +9,7 @@ from auv_gym.rendering import Dive
 
 
 class FloatView:
-    """Follows one environment, whose row it reads."""
+    """The view of one environment, whose row it reads."""
 
     def __init__(self, episodes: Episodes, row: np.ndarray):
         family, settings = episodes.plant.family, episodes.settings
@@ -20,7 +20,7 @@ class FloatView:
         self._track: list[tuple[float, ...]] = []
 
     def follow(self, begin: bool = False) -> None:
-        """Take the present moment into the track, of a new episode if it begins."""
+        """Add the present moment to the track; begin: whether an episode begins."""
         if begin:
             self._track = []
         record = self._record
@@ -29,10 +29,10 @@ class FloatView:
         self._track.append((*map(float, moment), *(self._middle + self._half * float(share) for share in shares)))
 
     def scene(self) -> Dive:
-        """The present moment and how it came there, a `Dive`."""
+        """The present moment and the track so far, as a `Dive`."""
         time, depth, target, command, position = np.array(self._track).T
         plant = self._episodes.plant
-        # not the state's, which a model need not have
+        # not from the state, which a model need not have
         rate = np.diff(depth, prepend=depth[0]) / np.maximum(np.diff(time, prepend=time[0] - 1.0), 1e-9)
         return Dive(
             time=time,

@@ -14,7 +14,7 @@ from auv_gym.envs.kinds.glide.scale import prepare, scale
 
 
 def _view(episodes: Any, row: np.ndarray) -> View:
-    from auv_gym.envs.yos import YoView  # with matplotlib, so not before a picture is wanted
+    from auv_gym.envs.yos import YoView  # imports matplotlib, so only when a picture is needed
 
     return YoView(episodes, row)
 
@@ -36,7 +36,7 @@ KIND = EnvKind(
             **path.PLAN, **pump.PLAN, "limit": "actuators", "middle": "actuators", "action_of": "actuators",
             "bottom": 1, "usual_attack": 1,
         },
-        # flown: through the water since the last fix, m.  drift: velocity of the water as the last dive showed it, m/s
+        # flown: through the water since the last fix, m.  drift: the water's velocity estimated over the last dive, m/s
         row={**path.ROW, **pump.ROW, "last_depth": 1, "fix": 2, "fix_time": 1, "flown": 2, "drift": 2},
         shown={"reached": 1, **pump.SHOWN},
     ),

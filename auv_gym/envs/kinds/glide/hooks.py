@@ -1,4 +1,4 @@
-"""What is a flying glider's own in a step: its masses, its energy, dead reckoning and fixes; see `kernel.hooks`."""
+"""The hooks of flying gliders: masses, energy, dead reckoning and fixes; see `kernel.hooks`."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from auv_gym.envs.kernel.path import begin_path, go_on, leg_axes, look_along, sc
 from auv_gym.envs.kernel.pump import energy_term
 from auv_gym.envs.kernel.targets import ages, doubt, pass_time, put_constants, steps_left
 
-# Why an episode was terminated.
+# Reasons for termination.
 GROUNDED, ARRIVED = range(OWN, OWN + 2)
 
-# Open in the templates, which are compiled.
+# Placeholders in the templates, which are compiled.
 ACTUATORS = SHARES = ACROSS = SINKING = RECKONED_NORTH = RECKONED_EAST = 0
 CURRENT_NORTH = CURRENT_EAST = CURRENT_ALONG = CURRENT_ACROSS = 0
 NORTH = EAST = DEPTH = HEADING = READ_NORTH = READ_EAST = READ_DEPTH = READ_PITCH = READ_HEADING = 0
 IN_BUOYANCY_VOLUME = 0
 
-_SURFACED = 1.0  # m, above which the antenna is out of the water
-_DIVED = 600.0  # s between fixes, from which on they tell a current
-_FLAT = 0.1  # rad of pitch, below which a glider turns round and makes no way
+_SURFACED = 1.0  # m; above this depth, the antenna is out of the water
+_DIVED = 600.0  # s; fixes further apart than this give an estimate of the current
+_FLAT = 0.1  # rad of pitch; below this, a glider is turning between dive and climb and makes no headway
 
 
 def command(plan, t, e):
-    """The commands of an action into e.command, and what pump and hotel load cost over the step into e.term."""
+    """Put the commands of an action into e.command, and the energy of pump and hotel load over the step into e.term."""
     for j in range(ACTUATORS):
         a = int(t.action_of[j])
         if a >= 0:
@@ -35,24 +35,24 @@ def command(plan, t, e):
 
 
 def beyond(x, t):
-    """Why a finite state ends the episode, and the number that does."""
+    """The reason why a finite state ends the episode, and the number responsible."""
     if x[DEPTH] > t.bottom:
         return GROUNDED, x[DEPTH]
     return NO_REASON, 0.0
 
 
 def aim(plan, x, t, e, row):
-    """The next leg where a waypoint is reached; e.reason where it was the last."""
+    """Set the next leg if a waypoint is reached; sets e.reason after the last one."""
     if go_on(plan, x[NORTH], x[EAST], 0.0, t, e, row):
         e.reason = ARRIVED
 
 
 def look(t, e, row):
-    """Where the glider is by dead reckoning, and what it is to do from there, into the features.
+    """Put the glider's position by dead reckoning, and the leg relative to it, into the features.
 
-    Its speed through the water follows from its rate of change of depth, and the path from its pitch and a usual angle
-    of attack.  At the surface a fix takes the place of what was reckoned; the difference to the fix before is
-    the current of the dive, with which it reckons on.
+    The speed through the water is computed from the depth rate, and the path angle from the pitch and a usual angle of
+    attack.  At the surface, a fix replaces the reckoned position; the difference since the last fix gives the current
+    of the dive, which is used for further reckoning.
     """
     f = e.features
     f[SINKING] = (f[READ_DEPTH] - e.last_depth) / t.dt if e.step > 0.0 else 0.0
@@ -76,7 +76,7 @@ def look(t, e, row):
 
 
 def place(plan, drawn, t, e, row):
-    """The first state, afloat on a drawn heading, and the commands that keep it there."""
+    """Set the initial state, afloat on a drawn heading, and the commands that keep it there."""
     at = int(t.state_at)
     row[at + HEADING] = pi * (2.0 * row[int(t.draws_at)] - 1.0)
     put_constants(plan, drawn, t, e)
@@ -91,7 +91,7 @@ def place(plan, drawn, t, e, row):
 
 
 def set_out(plan, x, t, e, row):
-    """The first leg of an episode, and where it begins."""
+    """Set the first leg of an episode, and its starting point."""
     e.fix[0], e.fix[1], e.last_depth = x[NORTH], x[EAST], x[DEPTH]
     begin_path(plan, x[NORTH], x[EAST], 0.0, x[HEADING], t, e, row)
 

@@ -1,4 +1,4 @@
-"""What a flying glider makes of a task: a yo at a usual pitch to the depth of the water gives the scales."""
+"""Scaling of a task to a flying glider: a yo at a usual pitch to the bottom gives the scales."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from auv_gym.plant.flying import STEP, neutral_engine, nominal_flight, steered, 
 
 
 def prepare(plant: Plant, dt: float | None) -> Plant:
-    """The glider with its masses as inputs; one whose attitude was the input steps 30 s unless dt is given."""
+    """The glider with its masses as inputs; if its attitude was the input, the step is 30 s unless dt is given."""
     return plant if "battery_position_m" in plant.inputs else steered(plant, STEP if dt is None else dt)
 
 
@@ -30,7 +30,7 @@ def scale(
     bottom: float = tasks.BOTTOM,
     waypoints: Sequence[Sequence[float]] | None = None,
 ) -> ScaledTask:
-    """The task of a glider; raises on options that are no numbers, and if its engine cannot move it both ways.
+    """Scale a task to a glider; raises for options that are not numbers, and if its engine cannot move it both ways.
 
     bottom: m, the depth of the water.  waypoints: rows of north, east and 0, m; by default they are drawn.
     """

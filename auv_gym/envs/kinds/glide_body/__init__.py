@@ -1,4 +1,4 @@
-"""Gliders in six degrees of freedom, which their volume and masses move, in environments."""
+"""Environments for gliders in six degrees of freedom that are moved by their volume and masses."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MEASURED = (
 
 
 def _view(episodes: Any, row: np.ndarray) -> View:
-    from auv_gym.envs.yos import YoView  # with matplotlib, so not before a picture is wanted
+    from auv_gym.envs.yos import YoView  # imports matplotlib, so only when a picture is needed
 
     return YoView(episodes, row)
 

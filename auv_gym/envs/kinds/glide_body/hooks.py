@@ -1,4 +1,4 @@
-"""What is a glider's own in six degrees of freedom in a step: its volume and masses, its energy; see `kernel.hooks`."""
+"""The hooks of gliders in six degrees of freedom: volume and masses, energy; see `kernel.hooks`."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from auv_gym.envs.kernel.path import begin_path, go_on, look_along, score_from_a
 from auv_gym.envs.kernel.pump import energy_term
 from auv_gym.envs.kernel.targets import ages, pass_time, steps_left
 
-# Open in the templates, which are compiled.
+# Placeholders in the templates, which are compiled.
 ACTUATORS = SHARES = ACROSS = SINKING = ENGINE = 0
 NORTH = EAST = HEADING = READ_NORTH = READ_EAST = READ_DEPTH = READ_HEADING = 0
 
 
 def command(plan, t, e):
-    """The commands of an action into e.command, and what pump and hotel load cost over the step into e.term."""
+    """Put the commands of an action into e.command, and the energy of pump and hotel load over the step into e.term."""
     for j in range(ACTUATORS):
         a = int(t.action_of[j])
         if a >= 0:
@@ -24,13 +24,13 @@ def command(plan, t, e):
 
 
 def aim(plan, x, t, e, row):
-    """The next leg where a waypoint is reached; e.reason where it was the last."""
+    """Set the next leg if a waypoint is reached; sets e.reason after the last one."""
     if go_on(plan, x[NORTH], x[EAST], 0.0, t, e, row):
         e.reason = ARRIVED
 
 
 def look(t, e, row):
-    """The rate of change of the measured depth, and the leg as the readings show it, into the features."""
+    """Put the rate of the measured depth, and the leg according to the readings, into the features."""
     f = e.features
     f[SINKING] = (f[READ_DEPTH] - e.last_depth) / t.dt if e.step > 0.0 else 0.0
     e.last_depth = f[READ_DEPTH]
@@ -38,7 +38,7 @@ def look(t, e, row):
 
 
 def set_out(plan, x, t, e, row):
-    """The first leg of an episode; the engine stands where the first commands have it."""
+    """Set the first leg of an episode; the engine is at the first commands."""
     e.engine, e.energy = e.command[ENGINE], 0.0
     begin_path(plan, x[NORTH], x[EAST], 0.0, x[HEADING], t, e, row)
 

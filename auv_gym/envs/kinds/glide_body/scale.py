@@ -1,4 +1,4 @@
-"""What a glider in six degrees of freedom makes of a task: a yo in steady glides gives the scales."""
+"""Scaling of a task to a glider in six degrees of freedom: a yo in steady glides gives the scales."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ def scale(
     hotel: float = tasks.HOTEL,
     pump_efficiency: float = tasks.PUMP_EFFICIENCY,
 ) -> ScaledTask:
-    """The task of a glider; raises on options that are no numbers, and where its engine cannot move it both ways.
+    """Scale a task to a glider; raises for options that are not numbers, and if its engine cannot move it both ways.
 
     bottom: m, the depth of the water.  waypoints: rows of north, east and 0, m; by default they are drawn.  hotel: W,
-    of all but the pump.  pump_efficiency: share of the pump's power that lifts.
+    of everything except the pump.  pump_efficiency: share of the pump's power that does work against the pressure.
     """
     if target is not None:
         raise ValueError(f"{task.name} has waypoints, not a target: give waypoints= as rows of north, east and 0, m.")

@@ -1,4 +1,4 @@
-"""Underwater gliders that turn in the plane, in environments."""
+"""Environments for underwater gliders that turn in the horizontal plane."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from auv_gym.envs.kinds.glider.scale import scale
 
 
 def _view(episodes: Any, row: np.ndarray) -> View:
-    from auv_gym.envs.kinds.glider.view import GliderView  # with matplotlib, so not before a picture is wanted
+    from auv_gym.envs.kinds.glider.view import GliderView  # imports matplotlib, so only when a picture is needed
 
     return GliderView(episodes, row)
 
@@ -30,6 +30,6 @@ KIND = EnvKind(
     scale=scale,
     options=("speed", "compass_noise"),
     view=_view,
-    # the compass, and the speed, which is an input; its rate of turn and its position no sensor of it tells
+    # the compass, and the speed, which is an input; no sensor measures rate of turn and position
     readings={"heading_rad": "heading_rad", "u_mps": "speed"},
 )

@@ -1,4 +1,4 @@
-"""What is a glider's own in a step: its rudder, its speed, and how fast its compass turns; see `kernel.hooks`."""
+"""The hooks of gliders that turn in the plane: rudder, speed, and turn rate of the compass; see `kernel.hooks`."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from auv_gym.envs.kernel.targets import (
 )
 from auv_gym.physics.frames import wrapped
 
-# Open in the templates, which are compiled.
+# Placeholders in the templates, which are compiled.
 SHARES = HEADING = READ_HEADING = IN_RUDDER = IN_U = ERROR_SIN = ERROR_COS = TURN_RATE = SPEED = 0
 
 
 def command(plan, t, e):
-    """Put the rudder that the action commands into e.command, and what its change costs into e.term."""
+    """Put the rudder command of the action into e.command, and the cost of its change into e.term."""
     share = min(max(e.action[0], -1.0), 1.0)
     e.term[1] = -t.weight[1] * 0.5 * abs(share - e.features[SHARES + IN_RUDDER])
     e.features[SHARES + IN_RUDDER] = share

@@ -1,4 +1,4 @@
-"""What a glider makes of a task: its steady turn at full rudder and its nominal speed give the scales."""
+"""Scaling of a task to a glider: its steady turn at full rudder and its nominal speed give the scales."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def scale(
     speed: float | tuple[float, float] | None = None,
     compass_noise: float | None = None,
 ) -> ScaledTask:
-    """The task of a glider; raises on options that are no numbers, and if the rudder does not turn the vehicle.
+    """Scale a task to a glider; raises for options that are not numbers, and if the rudder does not turn the vehicle.
 
     speed: m/s, or a range from which each episode draws one; default the vehicle's nominal speed.  compass_noise:
     standard deviation, rad; short for effects.sampling.compass.noise.
@@ -53,7 +53,7 @@ def scale(
 
 
 def _steady_turn(plant: Plant) -> float:
-    """Yaw rate after ten minutes of full rudder without effects, rad/s: so that no effect changes the observations."""
+    """Yaw rate after ten minutes of full rudder, rad/s, without effects, so that they do not rescale observations."""
     clean = without_effects(plant)
     u = np.array([clean.constants.get(name, 0.0) for name in clean.inputs])
     u[clean.inputs.index("rudder_rad")] = clean.hull.rudder_limit

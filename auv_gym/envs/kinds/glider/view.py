@@ -11,7 +11,7 @@ from auv_gym.rendering import Scene, Target
 
 
 class GliderView:
-    """Follows one environment, whose row it reads."""
+    """The view of one environment, whose row it reads."""
 
     def __init__(self, episodes: Episodes, row: np.ndarray):
         family, driver = episodes.plant.family, episodes.driver
@@ -24,7 +24,7 @@ class GliderView:
         self._track: list[tuple[float, float, float]] = []
 
     def follow(self, begin: bool = False) -> None:
-        """Take the present position into the track, of a new episode if it begins; a model without one is reckoned."""
+        """Add the present position, by dead reckoning if a model has none, to the track; begin: of a new episode."""
         if begin:
             self._track = []
         time = float(self._record["time"])
@@ -36,7 +36,7 @@ class GliderView:
         self._track.append((time, north, east))
 
     def scene(self) -> Scene:
-        """The present moment and how it came there."""
+        """The present moment and the track so far."""
         episodes, command = self._episodes, self._record["command"]
         time, north, east = np.array(self._track).T
         return Scene(

@@ -1,4 +1,4 @@
-"""Vehicles that thrusters move, in environments."""
+"""Environments for vehicles moved by thrusters."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from auv_gym.envs.kinds.hover.scale import scale
 
 
 def _view(episodes: Any, row: np.ndarray) -> View:
-    from auv_gym.envs.kinds.hover.view import goal  # with matplotlib, so not before a picture is wanted
+    from auv_gym.envs.kinds.hover.view import goal  # imports matplotlib, so only when a picture is needed
     from auv_gym.envs.track import BodyView
 
     return BodyView(episodes, row, goal)
@@ -29,7 +29,7 @@ KIND = EnvKind(
         ),
         sensors=body.SENSORS,
         plan={
-            # a wrench: for each thruster its input, thrust that holds the vehicle, and thrusts per action; its curve
+            # wrench actions: for each thruster its input, holding thrust, and thrusts per action; its curve
             "by_wrench": 1, "thrusters_at": 1, "thrusters": 1, "curves_at": 1, "curves": 1,
             "redrawn": 1, "fixed": 6, "size": 1, "attitude_scale": 1, "sum_rate": 1, "sum_limit": 1,
             **body.BEGINNING, **path.PLAN, **body.LIMITS,

@@ -1,4 +1,4 @@
-"""What a vehicle's own is in a compiled step that thrusters move: commands or a wrench, poses; see `kernel.hooks`."""
+"""The hooks of vehicles moved by thrusters: commands or a wrench, poses; see `kernel.hooks`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from auv_gym.envs.kernel.targets import ages, pass_time, steps_left
 from auv_gym.physics.frames import body_axes_of, wrapped
 from auv_gym.plant.thrusters import command_of_thrust
 
-LAST = ("last_1", "last_2", "last_3", "last_4", "last_5", "last_6")  # the shares of the last wrench, action by action
+LAST = ("last_1", "last_2", "last_3", "last_4", "last_5", "last_6")  # the shares of the last wrench, one per action
 
 ACTUATORS = SHARES = ACROSS = LAST_1 = 0
 ERROR_AHEAD = ERROR_STARBOARD = ERROR_BELOW = HEADING_ERROR_SIN = HEADING_ERROR_COS = ROLL_ERROR = PITCH_ERROR = 0
@@ -23,9 +23,9 @@ READ_NORTH = READ_EAST = READ_DEPTH = READ_ROLL = READ_PITCH = READ_HEADING = 0
 
 
 def command(plan, t, e):
-    """The commands of an action into e.command, and what their change costs into e.term; others stay as they were.
+    """Put the commands of an action into e.command, and the cost of their change into e.term; others are unchanged.
 
-    A wrench is added to that which holds the vehicle, and scaled down as a whole to what every thruster can give.
+    A wrench is added to the one that holds the vehicle, and scaled down as a whole to the thrusters' limits.
     """
     travel = 0.0
     if t.by_wrench == 0.0:
@@ -65,7 +65,7 @@ def command(plan, t, e):
 
 
 def score(x, before, t, e):
-    """The reward terms of the true state x, for the target that the action was chosen for."""
+    """The reward terms of the true state x, for the target for which the action was chosen."""
     if t.follows_path != 0.0:
         north, east, down = x[NORTH] - before[NORTH], x[EAST] - before[EAST], x[DEPTH] - before[DEPTH]
         e.term[0], e.term[2] = path_terms(x[NORTH], x[EAST], x[DEPTH], north, east, down, t, e)
@@ -80,7 +80,7 @@ def score(x, before, t, e):
 
 @outlined
 def redraw(plan, t, e, row):
-    """A new pose, drawn about the present one, and how long it stands; what is fixed stays."""
+    """Draw a new pose about the present one, and its duration; fixed parts are kept."""
     begin, changes = int(t.draws_at) + START_DRAWS + int(t.randomised), int(t.changes)
     at = begin + CHANGE_DRAWS * (int(e.change) % changes)
     then = begin + CHANGE_DRAWS * ((int(e.change) + 1) % changes)
@@ -101,7 +101,7 @@ def redraw(plan, t, e, row):
 
 
 def aim(plan, x, t, e, row):
-    """A new pose or leg where the present one has had its time or is reached; e.reason where it was the last."""
+    """Set a new pose or leg if the present one has expired or is reached; sets e.reason after the last one."""
     if t.follows_path != 0.0:
         if go_on(plan, x[NORTH], x[EAST], x[DEPTH], t, e, row):
             e.reason = ARRIVED
@@ -110,7 +110,7 @@ def aim(plan, x, t, e, row):
 
 
 def look(t, e, row):
-    """Errors in body axes and their sums, or places along the leg, as the readings show them, into the features."""
+    """Put errors in body axes and their sums, or the position along the leg, by the readings, into the features."""
     f = e.features
     if t.follows_path != 0.0:
         look_along(f[READ_NORTH], f[READ_EAST], f[READ_DEPTH], f[READ_HEADING], e, ACROSS)
@@ -121,7 +121,7 @@ def look(t, e, row):
     f[ERROR_AHEAD], f[ERROR_STARBOARD], f[ERROR_BELOW] = body_axes_of(north, east, down, roll, pitch, heading)
     f[HEADING_ERROR_SIN], f[HEADING_ERROR_COS] = sin(turn), cos(turn)
     f[ROLL_ERROR], f[PITCH_ERROR] = wrapped(e.target[4] - roll), e.target[5] - pitch
-    if e.step > 0.0:  # sums stay north, east, down, whichever way the vehicle turns
+    if e.step > 0.0:  # sums stay in north, east, down, whatever the vehicle's heading
         for i in range(4):
             off = (north, east, down, turn)[i] / (t.size if i < 3 else 1.0)
             moved = e.sums[i] + t.sum_rate * min(max(off, -1.0), 1.0)
@@ -131,7 +131,7 @@ def look(t, e, row):
 
 
 def set_out(plan, x, t, e, row):
-    """The first pose of an episode: where the vehicle is, or one drawn about it, but for what is given; or a path."""
+    """Set the first pose of an episode: the vehicle's own, or one drawn about it, except for given parts; or a path."""
     for i in range(4):
         e.sums[i] = 0.0
     if t.follows_path != 0.0:

@@ -1,4 +1,4 @@
-"""What a vehicle that thrusters move makes of a task: its length and the speeds that they give it are the scales."""
+"""Scaling of a task to a vehicle moved by thrusters: its length and attainable speeds are the scales."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from auv_gym.plant import Plant
 from auv_gym.plant.cruise import command_limits, command_middles
 from auv_gym.plant.hover import Hover, find_hover
 
-THRUSTERS, WRENCH = "thrusters", "wrench"  # what actions= can ask for besides channels
-_CONTROLLED_BY = {"roll_rad": "roll", "pitch_rad": "pitch"}  # the axis without which a pose cannot have such an angle
+THRUSTERS, WRENCH = "thrusters", "wrench"  # values of actions= other than channels
+_CONTROLLED_BY = {"roll_rad": "roll", "pitch_rad": "pitch"}  # the axis needed for a pose with such an angle
 
 
 def scale(
@@ -30,7 +30,7 @@ def scale(
     waypoints: Sequence[Sequence[float]] | None = None,
     actions: str | Sequence[str] | None = None,
 ) -> ScaledTask:
-    """The task of a vehicle; raises on targets, waypoints or actions it cannot have, and where it cannot hold itself.
+    """Scale a task to a vehicle; raises for impossible targets, waypoints or actions, and if it cannot hold itself.
 
     target: parts of the pose, by channel, that are not drawn.  waypoints: rows of north, east, depth, m; by default
     they are drawn.  actions: "thrusters", their commands, by default; "wrench", forces and moments; axes of it, such as
@@ -80,7 +80,7 @@ def scale(
         else {},
         read=(*(o.source for o in task.observed if o.source in plant.outputs), *where),
         driven=hover.thrusters.channels if by_wrench else chosen,
-        # two changes for each pose: it has more numbers than one has draws for
+        # two changes per pose, since a pose has more numbers than one change has draws
         shortest=task.hold[0] / rate / 2.0 if task.targets else tasks.LEG[0] * length / (2.0 * speed),
         least_dt=plant.dt,
         target_limits={
@@ -115,7 +115,7 @@ def scale(
 
 
 def _chosen(actions: str | Sequence[str] | None, plant: Plant, hover: Hover) -> tuple[str, ...]:
-    """The inputs or axes of the actions; raises on what the vehicle has not."""
+    """The inputs or axes of the actions; raises for those that the vehicle does not have."""
     if actions is None or (isinstance(actions, str) and actions == THRUSTERS):
         return hover.thrusters.channels
     if isinstance(actions, str):

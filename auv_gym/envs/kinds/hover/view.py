@@ -1,4 +1,4 @@
-"""What a picture shows of the task of a vehicle that thrusters move."""
+"""The target of a task for a vehicle moved by thrusters, for pictures."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from auv_gym.rendering import Target
 
 
 def goal(episodes: Episodes, record: Any, waypoints: np.ndarray) -> Target:
-    """What the vehicle is asked to do now."""
+    """The vehicle's present target."""
     if not episodes.task.targets:
         return Target(waypoints=waypoints, active=int(record["reached"]), radius=float(episodes.settings["radius"]))
     target = record["target"]
