@@ -1,1 +1,1 @@
-"""Models in the vehicle's place: linear and nonlinear, spliced into a plant, read from files."""
+"""Models that can replace a vehicle: linear and nonlinear, spliced into a plant, read from files."""

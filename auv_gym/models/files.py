@@ -1,4 +1,4 @@
-"""Models as files: a header in JSON and plain arrays in one .npz, or a vehicle file; reading one runs no code."""
+"""Model files: a JSON header and plain arrays in one .npz, or a vehicle file; reading one runs no code."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from auv_gym.writing import replacing
 FORMAT, VERSION = "auv-gym model", 1
 GROUP = "auv_gym.models"
 _HEADER = "header"
-_PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # those of numpy; others raise errors of their own kinds
+_PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # those of numpy; others raise errors of different types
 
 
 def save_model(model: Model, path: str | os.PathLike, attrs: Mapping[str, Any] | None = None) -> None:
-    """Write a model that `load_model` reads back bit for bit; aside, then renamed.
+    """Write a model that `load_model` reads back bit for bit; written aside, then renamed.
 
-    A plant goes to .toml, one with a learned hull and all other models to .npz.
+    A plant goes to .toml; one with a learned hull, and all other models, to .npz.
 
-    attrs: what is known of it besides (method, records, ...), as JSON has it.  Raises on a model of no known form.
+    attrs: further information (method, records, ...), in JSON types.  Raises for a model of unknown form.
 
     Example:
 
@@ -126,7 +126,7 @@ def load_model(path: str | os.PathLike, dt: float | None = None) -> Model:
 
 @dataclass(frozen=True, eq=False)
 class LearnedVehicle:
-    """What a file holds of a plant with a learned hull: the text of its vehicle file, and the fields of the hull."""
+    """The file content of a plant with a learned hull: the text of its vehicle file, and the fields of the hull."""
 
     vehicle: str
     support: np.ndarray
@@ -144,7 +144,7 @@ class LearnedVehicle:
         return cls(vehicle_text(plant), **{f.name: getattr(hull, f.name) for f in fields(LearnedHull)})
 
     def plant(self, dt: float | None = None) -> Plant:
-        """The plant, at a sample time in s or at its own."""
+        """The plant; dt: its sample time, s, or its own."""
         plant = vehicle_of_text(self.vehicle, "of a learned hull")
         hull = LearnedHull(**{f.name: getattr(self, f.name) for f in fields(LearnedHull)})
         return replace(plant, learned=hull, dt=plant.dt if dt is None else dt)
@@ -182,7 +182,7 @@ def forms() -> dict[str, type]:
     for entry in entry_points(group=GROUP):
         try:
             made = entry.load()
-        except Exception:  # whatever another's package raises, its form alone is missing
+        except Exception:  # any error of a foreign package: only its own form is missing
             continue
         if isinstance(made, type) and is_dataclass(made):
             found.setdefault(entry.name, made)

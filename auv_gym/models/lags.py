@@ -1,4 +1,4 @@
-"""What a difference equation remembers: lags of outputs and inputs, and the regressors that are made of them."""
+"""Lags of outputs and inputs of a difference equation, and the regressors computed from them."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from auv_gym.param import did_you_mean
 
 @dataclass(frozen=True)
 class Lags:
-    """The regressors of an equation: n_a last values of each output, and n_b of each input from `delay` on.
+    """The regressors of an equation: the n_a last values of each output, and n_b of each input from `delay` on.
 
-    An output that is integrating has its n_a - 1 last increments instead.  delay: samples, at least 1: an output does
-    not see the input of its own row.
-    What is remembered after a sample is [outputs, outputs before, ..., inputs, inputs before, ...], newest first.
+    An integrating output has its n_a - 1 last increments instead.  delay: samples, at least 1: an output does not
+    depend on the input of its own row.
+    The memory after a sample is [outputs, outputs before, ..., inputs, inputs before, ...], newest first.
     """
 
     inputs: tuple[str, ...]
@@ -29,7 +29,7 @@ class Lags:
 
     def __post_init__(self) -> None:
         for name in (*self.inputs, *self.outputs):
-            channel(name)  # raises on an unknown one
+            channel(name)  # raises if it is unknown
         if len({*self.inputs, *self.outputs}) != len(self.inputs) + len(self.outputs):
             raise ValueError(
                 f"Each channel is either an input or an output, and given once; got inputs {', '.join(self.inputs)} "
@@ -54,27 +54,27 @@ class Lags:
 
     @property
     def outputs_kept(self) -> int:
-        """How many samples of the outputs are remembered, the present one included."""
+        """Number of stored samples of the outputs, including the present one."""
         return max(self.n_a, 1)
 
     @property
     def inputs_kept(self) -> int:
-        """How many samples of the inputs are remembered, the present one included."""
+        """Number of stored samples of the inputs, including the present one."""
         return max(self.delay + self.n_b - 1, 1)
 
     @property
     def first(self) -> int:
-        """The first row of a segment at which all is remembered."""
+        """The first row of a segment with a complete memory."""
         return max(self.outputs_kept, self.inputs_kept) - 1
 
     @property
     def carried(self) -> np.ndarray:
-        """Of each output 1 where it integrates, else 0."""
+        """For each output, 1 if it integrates, otherwise 0."""
         return np.array([float(name in self.integrating) for name in self.outputs])
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Of the regressors."""
+        """The names of the regressors."""
         kinds = [(f"{name} step" if name in self.integrating else name) for name in self.outputs]
         counts = [self.n_a - (name in self.integrating) for name in self.outputs]
         past = [f"{kind} lag {k + 1}" for kind, count in zip(kinds, counts) for k in range(count)]
@@ -82,7 +82,7 @@ class Lags:
 
     @cached_property
     def matrix(self) -> np.ndarray:
-        """From what is remembered to the regressors, (d, remembered)."""
+        """The matrix from the memory to the regressors, (d, remembered)."""
         p, m = len(self.outputs), len(self.inputs)
         unit, rows = np.eye(p * self.outputs_kept + m * self.inputs_kept), []
         for i, name in enumerate(self.outputs):
@@ -93,12 +93,12 @@ class Lags:
         return np.concatenate(rows)
 
     def remembered(self, u: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """What is remembered at the rows of a segment from `first` on, (n - first, remembered)."""
+        """The memory at the rows of a segment from `first` on, (n - first, remembered)."""
         rows = range(self.first, max(len(y), self.first))
         parts = [y[rows.start - k : rows.stop - k] for k in range(self.outputs_kept)]
         parts += [u[rows.start - k : rows.stop - k] for k in range(self.inputs_kept)]
         return np.concatenate(parts, axis=1)
 
     def regressors(self, u: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """The regressors at the rows of a segment from `first` on, (n - first, d): those of the row after."""
+        """The regressors at the rows of a segment from `first` on, (n - first, d), for the outputs of the next row."""
         return self.remembered(u, y) @ self.matrix.T

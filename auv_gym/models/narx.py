@@ -1,4 +1,4 @@
-"""Nonlinear models in discrete time: the next outputs as Gaussian bells over lags of outputs and inputs."""
+"""Nonlinear discrete-time models: the next outputs as Gaussian radial basis functions of lagged outputs and inputs."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ _SHAPES = {
 
 @dataclass(frozen=True, eq=False)
 class Narx:
-    """A Model whose next outputs are a function of its `Lags` z, a linear part and Gaussian bells:
+    """A Model whose next outputs are a function of its `Lags` z, a linear part plus Gaussian radial basis functions:
 
         f(z) = bias + slopes' (z - middle) + sum_gj coefficients[g, j] exp(-|(z - support[j]) / (spread sigma[g])|^2)
 
-    f is the next value of an output, or its next increment where it is integrating.
+    f is the next value of an output, or its next increment if it is integrating.
     support: (n, d).  middle, spread: (d,).  sigma: (g,), in spreads.  coefficients: (g, n, p).  slopes: (d, p).
-    bias: (p,).  rest: (p + m,), outputs and inputs where a start does not tell them; sway: (p + m,), by
-    how much outputs change in a sample and inputs differ from rest.  reach: distance from the nearest of support, in
-    spreads, beyond which z is outside of what the model was trained on.
+    bias: (p,).  rest: (p + m,), outputs and inputs that a start leaves open; sway: (p + m,), typical change of the
+    outputs in a sample and distance of the inputs from rest.  reach: distance from the nearest support, in spreads,
+    beyond which z is outside of the training data.
     """
 
     inputs: tuple[str, ...]
@@ -80,12 +80,12 @@ class Narx:
 
     @cached_property
     def lags(self) -> Lags:
-        """What it remembers, and the regressors that are made of it."""
+        """The lags that the model stores, and its regressors."""
         return Lags(self.inputs, self.outputs, self.n_a, self.n_b, self.delay, self.integrating)
 
     @property
     def states(self) -> tuple[str, ...]:
-        """The outputs, the outputs before, and the inputs before, newest first."""
+        """The states: the outputs, the outputs before, and the inputs before, newest first."""
         return self._states
 
     @cached_property
@@ -95,14 +95,14 @@ class Narx:
         return (*outputs, *before, *(f"{name} lag {k}" for k in range(1, lags.inputs_kept) for name in self.inputs))
 
     def initial(self, y0: np.ndarray) -> np.ndarray:
-        """The state that has had these outputs for long, inputs at rest; NaN leaves an output at rest."""
+        """The state after these outputs have been constant for long, inputs at rest; NaN leaves an output at rest."""
         p, lags = len(self.outputs), self.lags
         y = np.where(np.isfinite(y0), np.asarray(y0, dtype=float), self.rest[:p])
         return np.concatenate([np.tile(y, lags.outputs_kept), np.tile(self.rest[p:], lags.inputs_kept - 1)])
 
     @property
     def start_spread(self) -> np.ndarray:
-        """How far the states of a moving system may be from `initial`, (n_states,)."""
+        """Typical distance of the states of a moving system from `initial`, (n_states,)."""
         p, lags = len(self.outputs), self.lags
         outputs = np.outer(np.arange(1, lags.outputs_kept + 1), self.sway[:p]).ravel()
         return np.concatenate([outputs, np.tile(self.sway[p:], lags.inputs_kept - 1)])
@@ -126,7 +126,7 @@ class Narx:
     def run(self, record: Record, windows: Sequence[slice], starts: np.ndarray) -> np.ndarray:
         """Outputs of free runs over windows of a record, shape (total rows, n_outputs).
 
-        starts: (n_windows, n_states), the states at the windows' first rows.  Raises on another sample interval, and
+        starts: (n_windows, n_states), the states at the windows' first rows.  Raises for another sample interval, and
         Diverged.
         """
         for window in windows:
@@ -147,7 +147,7 @@ class Narx:
         return y
 
     def free(self, remembered: np.ndarray, inputs: np.ndarray) -> np.ndarray:
-        """Outputs after each row of inputs (n, m), (n, p), from what `Lags` remembers; whatever numbers they leave."""
+        """Outputs, (n, p), after each row of inputs (n, m), from the memory of `Lags`; they may be non-finite."""
         kept, m = len(self.outputs) * self.lags.outputs_kept, len(self.inputs)
         past = np.concatenate([remembered[:kept], remembered[kept + m :], np.zeros(m)])
         after = np.empty((len(inputs), len(self.outputs)))
@@ -155,10 +155,10 @@ class Narx:
         return after
 
     def distance(self, record: Record) -> np.ndarray:
-        """How far the regressors of a record's samples are from those of the training data, over `reach`.
+        """Distance of the regressors of a record's samples from the training data, relative to `reach`.
 
-        Over 1: outside.  One value a sample that has all its lags in its own segment and none missing.  The outputs are
-        the record's: take `simulate(model, record)` for those that a free run goes through.
+        Above 1 means outside.  One value per sample with all its lags present in its own segment.  The outputs are the
+        record's: use `simulate(model, record)` for those of a free run.
         """
         u, y = inputs_of(self, record), outputs_of(self, record)
         z = np.concatenate([self.lags.regressors(u[part], y[part]) for part in record.segments])
@@ -168,13 +168,13 @@ class Narx:
         return out / self.reach
 
     def outside(self, record: Record) -> float:
-        """The share of a record's samples that are outside of what the model was trained on; see `distance`."""
+        """The share of a record's samples outside of the training data; see `distance`."""
         found = self.distance(record)
         return float(np.mean(found > 1.0)) if found.size else 0.0
 
     @cached_property
     def _function(self) -> Any:
-        """What `_advance` takes between the inputs and where it writes to."""
+        """The arguments of `_advance` between the inputs and the output arrays."""
         rates = 1.0 / (self.spread * self.sigma[:, None])
         blocks = [radial_blocks(self.support - self.middle, r, c) for r, c in zip(rates, self.coefficients)]
         shape = (0, 0, self.spread.size + 1 + self.bias.size, LANES)
@@ -187,7 +187,7 @@ class Narx:
         return radial_blocks(self.support - self.middle, 1.0 / self.spread, np.zeros((len(self.support), 0)))
 
     def _past(self, x: np.ndarray) -> np.ndarray:
-        """What is remembered in a state, and room for one more sample of the inputs, as `_run` takes it."""
+        """The memory in a state, with room for one more sample of the inputs, in the form for `_run`."""
         if np.shape(x) != (len(self.states),):
             raise ValueError(
                 f"A state of this model has shape ({len(self.states)},), got {np.shape(x)}: see `initial`."
@@ -197,7 +197,7 @@ class Narx:
 
 @compiled
 def _next(past, lags, middle, slopes, carried, bias, rates, blocks, z, scaled, room, part, out):
-    """The outputs one sample later into out (p,)."""
+    """Write the outputs one sample later into out (p,)."""
     d, p = lags.shape[0], out.shape[0]
     for i in range(d):
         total = -middle[i]
@@ -219,9 +219,9 @@ def _next(past, lags, middle, slopes, carried, bias, rates, blocks, z, scaled, r
 
 @compiled
 def _advance(past, inputs, after, kept, lags, middle, slopes, carried, bias, rates, blocks):
-    """Outputs after each row of inputs (n, m) into after (n, p), from what is remembered, which is moved along.
+    """Write the outputs after each row of inputs (n, m) into after (n, p), and update the memory.
 
-    past: kept values of outputs, newest first, then those of the inputs before, and room for the present ones.
+    past: stored values of outputs, newest first, then those of the earlier inputs, and room for the present ones.
     """
     (n, p), m, d, size = after.shape, inputs.shape[1], lags.shape[0], past.shape[0]
     z, scaled, room, part = np.empty(d), np.empty(d), np.empty((2 + p, blocks.shape[3])), np.empty(p)

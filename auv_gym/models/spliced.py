@@ -1,4 +1,4 @@
-"""A plant of which a fitted model drives some channels, while physics and exact kinematics do the rest."""
+"""A plant in which a fitted model drives some channels, while physics and exact kinematics give the rest."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ VELOCITIES = ("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps")
 POSES = ("north_m", "east_m", "depth_m", "roll_rad", "pitch_rad", "heading_rad")
 _MOTION = (*VELOCITIES, *POSES)
 
-# Open names of the template `_carry`, bound for each kind of vehicle.
+# Placeholders in the template `_carry`, bound for each kind of vehicle.
 STATES = INTEGRATED = ACTUATORS = SENSORS = SCRATCH = 0
 view: Any = None
 enter: Any = None
@@ -33,7 +33,8 @@ def splice(plant: Plant, model: Model) -> Spliced:
     """A plant in which a model computes the channels that are its outputs; raises if the two do not fit together.
 
     The model's outputs are body velocities, rates or poses of the plant: true values, which the plant's sensors still
-    read. Its inputs are inputs of the plant or what the plant computes: its states, and for other names its readings.
+    read. Its inputs are inputs of the plant, or quantities that the plant computes: states or, for other names,
+    readings.
 
     Example:
 
@@ -49,9 +50,9 @@ def splice(plant: Plant, model: Model) -> Spliced:
 class Spliced:
     """A plant and the model that drives some of its channels, as a Model with the plant's inputs and outputs.
 
-    Velocities that the model does not give follow the plant's dynamics, which see the driven ones. Poses that it does
+    Velocities that the model does not give follow the plant's dynamics, which use the driven ones. Poses that it does
     not give are integrated from the velocities, so that a model of body rates alone turns and moves the whole vehicle.
-    What the plant's dynamics and effects do to a driven channel is lost. Second order in dt, in all channels.
+    Effects of the plant's dynamics on a driven channel are lost. Second order in dt, in all channels.
     """
 
     plant: Plant
@@ -83,7 +84,7 @@ class Spliced:
 
     @property
     def constants(self) -> dict[str, float]:
-        """Values of the inputs that a record need not have."""
+        """Values of the inputs that a record may lack."""
         return self.plant.constants
 
     def initial(self, y0: np.ndarray) -> np.ndarray:
@@ -98,8 +99,8 @@ class Spliced:
         alone = self.plant.step(before, u)
         x_model = self.model.step(x_model, self._model_inputs(before, u))
         given, layout = self.model.output(x_model), self._layout
-        # Once more, from where the plant's own dynamics pass through the driven channels' mean over the sample instead
-        # of their start: what depends on them is then of second order as well.
+        # Repeat the step so that the plant's own dynamics see the driven channels' mean over the sample instead of
+        # their start; quantities that depend on them are then of second order, too.
         missed = given - alone[layout.driven]
         start = before.copy()
         start[layout.driven] += 0.5 * np.where(layout.angles, wrap(missed), missed)
@@ -117,7 +118,7 @@ class Spliced:
         return self.plant.output(self._parted(x)[0])
 
     def correct(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """The state after measuring y (NaN: not measured): both parts corrected, driven channels as the model's."""
+        """The state after measuring y (NaN: not measured): both parts are corrected, driven channels by the model."""
         before, x_model = self._parted(x)
         after = self.plant.correct(before, y)
         return self._joined(after, self.model.correct(x_model, self._true_values(after, y)))
@@ -138,7 +139,7 @@ class Spliced:
         return x
 
     def _true_values(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """What the model has to give in a plant's state that was set to y; NaN where y is not finite."""
+        """The model's outputs in a plant's state that was set to y; NaN where y is not finite."""
         measured = np.isfinite(np.asarray(y, dtype=float)[self._layout.readings])
         return np.where(measured, x[self._layout.driven], np.nan)
 
@@ -146,7 +147,7 @@ class Spliced:
         return np.concatenate([u, x, self.plant.output(x)])[self._layout.sources]
 
     def _meet_waves(self, x: np.ndarray, moved: np.ndarray) -> None:
-        """Put the phase of the waves right, in place, for a vehicle that went further by `moved` (north, east), m."""
+        """Correct the phase of the waves, in place, for a vehicle that went further by `moved` (north, east), m."""
         if "wave_phase_rad" not in self.plant.family.states:
             return
         waves = self.plant.effects.waves
@@ -159,11 +160,12 @@ class Spliced:
 
 @dataclass(frozen=True, eq=False)
 class _Layout:
-    """Where things stand in a plant's state.
+    """Indices of channels in a plant's state.
 
-    driven, readings: of each output of the model, its index among the plant's states and outputs.  angles: which are
-    angles.  where, is_driven: for each of _MOTION its index among the states, or -1, and whether the model drives it.
-    speed: index of the forward speed among the inputs, where it is no state, or -1.  sources: of each input of the
+    driven, readings: for each output of the model, its index among the plant's states and outputs.  angles: which of
+    them are angles.  where, is_driven: for each of _MOTION its index among the states, or -1, and whether the model
+    drives it.
+    speed: index of the forward speed among the inputs if it is not a state, or -1.  sources: for each input of the
     model, its index in [inputs | states | outputs].  position: of north and east.
     """
 
@@ -195,7 +197,7 @@ class _Layout:
 
 
 def _check_fit(plant: Plant, model: Model) -> None:
-    """Raises if this model cannot drive this plant."""
+    """Raise if this model cannot drive this plant."""
     if not isinstance(plant, Plant):
         raise ValueError(f"splice needs a plant first, got {type(plant).__name__}: see load_vehicle.")
     if not isinstance(model, Model):
@@ -233,9 +235,9 @@ def _check_fit(plant: Plant, model: Model) -> None:
 
 @compiled
 def turned(roll, pitch, heading, turn):
-    """Roll, pitch and heading, rad, of a body that was at these and then turned by a rotation vector in its own axes.
+    """Roll, pitch and heading, rad, of a body with these angles after a rotation by a vector in its own axes.
 
-    turn: rad, shape (3,).  Roll and heading go on from the given ones without a jump of a turn.
+    turn: rad, shape (3,).  Roll and heading continue from the given ones without jumps by whole turns.
     """
     angle = sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
     c = cos(0.5 * angle)
@@ -254,11 +256,14 @@ def turned(roll, pitch, heading, turn):
 
 @compiled
 def rotation_between(roll, pitch, heading, new_roll, new_pitch, new_heading, turn):
-    """The rotation vector, rad, in body axes, from the first attitude to the second by the short way, into turn."""
+    """Write the rotation vector, rad, in body axes, from the first attitude to the second into turn.
+
+    It is at most half a turn long.
+    """
     a0, a1, a2, a3 = quaternion_of(roll, pitch, heading)
     b0, b1, b2, b3 = quaternion_of(new_roll, new_pitch, new_heading)
     c = a0 * b0 + a1 * b1 + a2 * b2 + a3 * b3
-    side = 1.0 if c >= 0.0 else -1.0  # both signs of a quaternion are one attitude
+    side = 1.0 if c >= 0.0 else -1.0  # q and -q are one attitude
     turn[0] = side * (a0 * b1 - a1 * b0 - a2 * b3 + a3 * b2)
     turn[1] = side * (a0 * b2 + a1 * b3 - a2 * b0 - a3 * b1)
     turn[2] = side * (a0 * b3 - a1 * b2 + a2 * b1 - a3 * b0)
@@ -270,9 +275,10 @@ def rotation_between(roll, pitch, heading, new_roll, new_pitch, new_heading, tur
 
 @compiled
 def travelled(roll, pitch, heading, turn, u, v, w):
-    """Displacement north, east, down, m, of a body that goes u v w m in its own axes while these turn evenly by `turn`.
+    """Displacement north, east, down, m, of a body that moves u v w m in its own axes while these rotate evenly.
 
-    roll, pitch, heading: at the start.  Exact for constant velocities and rates, as in a steady turn.
+    turn: the rotation.  roll, pitch, heading: at the start.  Exact for constant velocities and rates, as in a steady
+    turn.
     Source: Murray, Li and Sastry 1994, eq. (2.36).
     """
     x, y, z = turn[0], turn[1], turn[2]
@@ -280,7 +286,7 @@ def travelled(roll, pitch, heading, turn, u, v, w):
     if square > 1e-4:
         angle = sqrt(square)
         b, c = (1.0 - cos(angle)) / square, (1.0 - sin(angle) / angle) / square
-    else:  # the series, where the differences above would lose digits
+    else:  # series, where the differences above would lose digits
         b, c = 0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0
     xu, xv, xw = y * w - z * v, z * u - x * w, x * v - y * u
     u, v, w = (
@@ -297,7 +303,7 @@ def _carry(before, after, inputs, where, is_driven, speed, duration, derived):
     """Put the poses that are not driven, and the sensors' states, into the full state `after`, in place.
 
     before, after: full states at the ends of a sample, the driven channels set in both.  where, is_driven, speed: see
-    _Layout.  What the water adds to the motion over ground is the mean of both ends.
+    _Layout.  The water's contribution to the motion over ground is the mean of both ends.
     """
     p = view(derived)
     motion = np.zeros((2, 12))  # of _MOTION, at both ends
@@ -350,7 +356,7 @@ _BOUND: dict[str, Any] = {}
 
 
 def _carry_for(family: Family) -> Any:
-    """`_carry` for a family; compiled when first called and found in the cache afterwards."""
+    """`_carry` for a family; compiled at its first call and found in the cache afterwards."""
     program = family.program or family.kind
     if program not in _BOUND:
         meanings: dict[str, Any] = {

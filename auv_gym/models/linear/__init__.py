@@ -1,4 +1,4 @@
-"""Linear models in discrete time: state space, polynomials, and the linear form of a vehicle about its cruise."""
+"""Discrete-time linear models: state space, polynomials, and the linearisation of a vehicle about cruise."""
 
 from auv_gym.models.linear.linearise import linearise
 from auv_gym.models.linear.polynomial import Polynomial

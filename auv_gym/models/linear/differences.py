@@ -1,4 +1,4 @@
-"""Differences of an integrating output from sample to sample: in records, and in models less their pole at 1."""
+"""Differencing of an integrating output: in records, and in models, whose pole at 1 it cancels."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from auv_gym.channels import channel
 from auv_gym.models.linear.polynomial import Polynomial
 from auv_gym.records.record import Record
 
-_REAL = 1e-6  # imaginary part that rounding gives two equal poles
+_REAL = 1e-6  # imaginary part that rounding may give two equal poles
 
 
 def rate_of(name: str) -> str:
-    """The channel of a signal's rate of change: `depth_rate_mps` of `depth_m`; raises where its unit has none."""
+    """The channel of a signal's rate of change: `depth_rate_mps` for `depth_m`; raises if its unit has none."""
     stem, _, suffix = channel(name).name.rpartition("_")
     return channel(f"{stem}_rate_{suffix}ps").name
 
 
 def differenced(model: Polynomial, output: str, within: float = 0.1) -> Polynomial:
-    """The model with the rate of an output in its place: the pole nearest 1 is cancelled against the difference.
+    """The model with the rate of an output in its place; the pole nearest 1 is cancelled by the difference.
 
     With A = (1 - p q) A' the output's row A y = B u + C e becomes A' r = (B u + C e) / dt, r = (y(t) - y(t - 1)) / dt.
-    Exact for p = 1; a pole elsewhere is taken to be there.  Raises without a real pole `within` this distance of 1,
-    and where the output stands in another output's equation, or another in its own.
+    Exact for p = 1; a pole near 1 is treated as 1.  Raises without a real pole `within` this distance of 1, and if the
+    output occurs in another output's equation, or another one in its own.
     Source: Geng and Zhao 2012, eqs (12) to (15).
     """
     if output not in model.outputs:
@@ -44,7 +44,7 @@ def differenced(model: Polynomial, output: str, within: float = 0.1) -> Polynomi
     a, b, c, offset = model.a.copy(), model.b.copy(), model.c.copy(), model.output_offset.copy()
     for power in range(1, len(a)):
         a[power, i, i] += nearest * a[power - 1, i, i]
-    a[-1, i, i] = 0.0  # the remainder of the division, which is rounding
+    a[-1, i, i] = 0.0  # the remainder of the division is only rounding
     b[:, i] /= model.dt
     offset[i] = 0.0
     rate = rate_of(output)
@@ -53,9 +53,9 @@ def differenced(model: Polynomial, output: str, within: float = 0.1) -> Polynomi
 
 
 def with_differences(record: Record, output: str) -> Record:
-    """The record with the rate of a channel beside it, the backward difference over the time since the last sample.
+    """The record with the rate of a channel added: its backward difference over the time since the last sample.
 
-    NaN at the first sample of each segment, which has none before it.
+    NaN at the first sample of each segment, which has no predecessor.
     """
     rate = np.full(record.time.size, np.nan)
     for part in record.segments:

@@ -1,4 +1,4 @@
-"""The linear form of a vehicle about steady motion."""
+"""Linearisation of a vehicle about steady motion."""
 
 from __future__ import annotations
 
@@ -22,14 +22,15 @@ def linearise(
     dt: float | None = None,
     at: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> StateSpace:
-    """The linear form of a vehicle without its effects, exact over samples of dt for small changes.
+    """The linearisation of a vehicle without its effects, exact over samples of dt for small changes.
 
     inputs: default a torpedo's planes, a glider's rudder, a float's engine, all thrusters.  states: the family's;
     default those that the inputs move in their plane; all others are held.  outputs: default the states that the
     vehicle measures.  dt: s, default the plant's.  at: the family's states and inputs to linearise about; default a
     torpedo's cruise, a glider straight ahead, a float at rest and deep, a vehicle with thrusters hovering; the drag of
-    the last two is that of a tenth of their fastest speed.
-    States are changes from there; actuators with a lag add theirs.  Raises on names that the vehicle lacks.
+    the last two is that at a tenth of their top speed.
+    States are deviations from this point; actuators with a lag add theirs.  Raises for names that the vehicle does not
+    have.
 
     Example:
 
@@ -53,14 +54,14 @@ def linearise(
     sizes = kind.steps(clean, (*kept, *positions, *chosen))
 
     def after(change: np.ndarray) -> np.ndarray:
-        """The states a sample later and the outputs now."""
+        """The states one sample later, and the outputs now."""
         x, u = full.copy(), np.array(commands, dtype=float)
         x[at_states] += change[: len(at_states)]
         u[at_inputs] += change[len(at_states) :]
         return np.concatenate([clean.step(x, u)[at_states], clean.output(x)[at_outputs]])
 
     slopes = np.stack([(after(d) - after(-d)) / (2.0 * size) for d, size in zip(np.diag(sizes), sizes)], axis=1)
-    # an actuator without a lag is where it is told to be, and remembers nothing
+    # an actuator without a lag is at its command, and has no memory
     states_kept = [i for i in range(len(at_states)) if i < len(kept) or slopes[:, i].any()]
     steady = after(np.zeros(sizes.size))
     names = (*kept, *positions)

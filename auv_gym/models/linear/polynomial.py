@@ -1,4 +1,4 @@
-"""Linear models as polynomials in the delay: ARX, ARMAX, output error."""
+"""Polynomial models in the delay operator: ARX, ARMAX, output error."""
 
 from __future__ import annotations
 
@@ -79,10 +79,10 @@ class Polynomial:
         delay: int = 1,
         inputs: Sequence[str] | None = None,
     ) -> Polynomial:
-        """The model with diagonal A and C, its coefficients listed as papers print them.
+        """The model with diagonal A and C, with coefficients listed as in papers.
 
         a: by output, from the first power on, without the leading 1.  b: by output and input, from q^delay on.
-        c: as a.  inputs: their order, default that in which b names them.
+        c: as a.  inputs: their order, default the order of their names in b.
         """
         outputs, c = tuple(a), c or {}
         if set(b) - set(outputs) or set(c) - set(outputs):
@@ -103,9 +103,9 @@ class Polynomial:
         return cls(_diagonal(outputs, a), filled, order, outputs, dt, _diagonal(outputs, c))
 
     def to_state_space(self) -> StateSpace:
-        """The same model in observer form: as many states an output as the highest power in its row.
+        """The same model in observer form, with as many states for an output as the highest power in its row.
 
-        Minimal where A is diagonal and no factor cancels.  The first state of an output is its prediction.
+        Minimal if A is diagonal and no factor cancels.  The first state of an output is its prediction.
         Source: Kailath 1980, Linear Systems, sec. 6.4.
         """
         p, m = len(self.outputs), len(self.inputs)
@@ -141,18 +141,18 @@ class Polynomial:
 
     @cached_property
     def state_space(self) -> StateSpace:
-        """What the Model's functions are those of."""
+        """The state-space form, cached, which the functions of the Model use."""
         return self.to_state_space()
 
     def to_control(self) -> Any:
-        """The same system for python-control, in state space; offsets and C, which it does not know, stay behind."""
+        """The same system for python-control, in state space; offsets and C are lost, as it does not have them."""
         return self.state_space.to_control()
 
     @classmethod
     def from_control(
         cls, system: Any, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None
     ) -> Polynomial:
-        """The output-error model of a system of python-control in discrete time: each output over its own denominator.
+        """The output-error model of a discrete-time system of python-control: each output over its own denominator.
 
         Names are the system's unless given.  Raises as StateSpace.from_control does.
         """

@@ -1,4 +1,4 @@
-"""Linear models in state space, in innovations form."""
+"""State-space linear models in innovations form."""
 
 from __future__ import annotations
 
@@ -16,19 +16,20 @@ from auv_gym.model import check_finite, check_interval, inputs_of
 from auv_gym.records.record import Record
 
 _NONE = np.empty(0)
-_EXACT = 1e-9  # relative; rounding of a product of matrices of some tens of rows stays far below
-_LARGEST_GAIN = 1e4  # over the innovations' own: beyond, `correct` would throw the state far off and `step` catch it
+_EXACT = 1e-9  # relative; rounding in a product of matrices with tens of rows is much smaller
+_LARGEST_GAIN = 1e4  # over the innovations' own; more would throw the state far off in `correct`, and back in `step`
 
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
-    """A linear Model in innovations form, e being what the outputs are beyond their prediction:
+    """A linear Model in innovations form; e is the difference of the outputs from their prediction:
 
         x(t+1) = a x(t) + b (u(t) - input_offset) + k e(t),    y(t) = c x(t) + output_offset + e(t)
 
-    k and the offsets default to zeros; states are named x1, x2, ... unless named.
-    `correct` adds l e to the state with a l = k, so that `correct`, then `step`, is this equation and `predict` its
-    predictor.  Where no l does that (a has a pole at zero that k drives), the innovations join the state for a sample.
+    k and the offsets default to zeros; default names of states are x1, x2, ...
+    `correct` adds l e to the state with a l = k, so that `correct` followed by `step` is this equation, and `predict`
+    its predictor.  If there is no such l (a has a pole at zero that k drives), the innovations become states for one
+    sample.
     Source: Ljung 1999, System Identification, sec. 4.3; Anderson and Moore 1979, Optimal Filtering, sec. 9.2.
 
     Example:
@@ -81,7 +82,7 @@ class StateSpace:
 
     @cached_property
     def gain(self) -> np.ndarray:
-        """What `correct` adds to the state per innovation, shape (n, p): a gain = k."""
+        """The gain of `correct` from innovations to the state, shape (n, p): a gain = k."""
         n, p = self.k.shape
         if n > p and not self.a[n - p :].any() and np.array_equal(self.a[:, n - p :], self.k):
             return np.vstack([np.zeros((n - p, p)), np.eye(p)])  # innovations among the states
@@ -94,7 +95,7 @@ class StateSpace:
         return close and np.abs(self.gain).max(initial=0.0) <= _LARGEST_GAIN * max(size, 1.0)
 
     def initial(self, y0: np.ndarray) -> np.ndarray:
-        """The state with these outputs that is nearest to rest: of least |x(t+1) - x(t)|; NaN leaves an output free."""
+        """The state with these outputs that is nearest to rest (least |x(t+1) - x(t)|); NaN leaves an output free."""
         wanted = np.asarray(y0, dtype=float) - self.output_offset
         known = np.isfinite(wanted)
         start = self._start if known.all() else self._start_from(known)
@@ -128,7 +129,7 @@ class StateSpace:
     def run(self, record: Record, windows: Sequence[slice], starts: np.ndarray) -> np.ndarray:
         """Outputs of free runs over windows of a record, shape (total rows, n_outputs).
 
-        starts: (n_windows, n_states), the states at the windows' first rows.  Raises on another sample interval, and
+        starts: (n_windows, n_states), the states at the windows' first rows.  Raises for another sample interval, and
         Diverged.
         """
         for window in windows:
@@ -142,7 +143,7 @@ class StateSpace:
                 f"run needs starts of shape {(begin.size, len(self.states))}, one state a window, got {starts.shape}."
             )
         x = np.empty((int((stop - begin).sum()), len(self.states)))
-        with np.errstate(over="ignore", invalid="ignore"):  # Diverged says so with the time
+        with np.errstate(over="ignore", invalid="ignore"):  # reported by Diverged, with the time
             _free_runs(self.a, np.ascontiguousarray(driven), begin, stop, starts, x)
             y = x @ self.c.T + self.output_offset
         check_finite(self.outputs, np.concatenate([record.time[w] for w in windows]), y)
@@ -154,11 +155,11 @@ class StateSpace:
         return poles[np.argsort(-np.abs(poles), kind="stable")]
 
     def is_stable(self) -> bool:
-        """Whether every pole lies inside the unit circle; an integrator does not."""
+        """Whether every pole is inside the unit circle; an integrator's is not."""
         return bool((np.abs(self.poles()) < 1.0 - 1e-9).all())
 
     def dc_gain(self) -> np.ndarray:
-        """The outputs per input held for ever, shape (p, m); raises if the model integrates."""
+        """The steady outputs per unit of a constant input, shape (p, m); raises if the model integrates."""
         if np.abs(self.poles() - 1.0).min(initial=1.0) < 1e-9:
             raise ValueError("The model has a pole at 1, so it has no gain at frequency 0: ask for a frequency above.")
         return self.frequency_response(np.zeros(1))[0].real
@@ -170,7 +171,7 @@ class StateSpace:
         return self.c @ np.linalg.solve(resolved, np.broadcast_to(self.b.astype(complex), (z.size, *self.b.shape)))
 
     def to_control(self) -> Any:
-        """The same system for python-control; offsets and k, which it does not know, stay behind."""
+        """The same system for python-control; offsets and k, which python-control does not have, are lost."""
         zeros = np.zeros((len(self.outputs), len(self.inputs)))
         names = {"inputs": list(self.inputs), "outputs": list(self.outputs), "states": list(self.states)}
         return _control().ss(self.a, self.b, self.c, zeros, self.dt, **names)
@@ -179,9 +180,9 @@ class StateSpace:
     def from_control(
         cls, system: Any, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None, **fields: Any
     ) -> StateSpace:
-        """The model of a system of python-control in discrete time, of any form; its signals' names unless given.
+        """The model of a discrete-time system of python-control, of any form, with its signals' names unless given.
 
-        fields: further ones of StateSpace.  Raises if the output sees the present input, see Model.
+        fields: further ones of StateSpace.  Raises if the output depends on the present input, see Model.
         """
         system: Any = _control().ss(system)
         if not isinstance(system.dt, float | int) or isinstance(system.dt, bool) or not system.dt > 0.0:
@@ -201,9 +202,9 @@ class StateSpace:
 
 
 def check_names(inputs: Sequence[str], outputs: Sequence[str], dt: float) -> None:
-    """Raises if a linear model's channels or sample time cannot be."""
+    """Raise if a linear model's channels or sample time are invalid."""
     for name in (*inputs, *outputs):
-        channel(name)  # raises on an unknown one
+        channel(name)  # raises if it is unknown
     if len({*inputs, *outputs}) != len(inputs) + len(outputs) or not outputs:
         raise ValueError(
             f"A linear model needs one or more outputs, and each channel once, got inputs {', '.join(inputs)} and "
@@ -222,7 +223,7 @@ def _control() -> Any:
 
 @compiled
 def _free_runs(a, driven, begin, stop, starts, x):
-    """States of free runs into x, shape (total rows, n); driven: what the inputs add in each row of the record."""
+    """Write the states of free runs into x, shape (total rows, n); driven: the inputs' contribution in each row."""
     n, row = a.shape[0], 0
     for window in range(begin.size):
         for i in range(n):

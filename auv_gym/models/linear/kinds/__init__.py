@@ -1,4 +1,4 @@
-"""The steady motion about which each kind of vehicle is linear: one module a kind, each with a `KIND`."""
+"""The steady motion for linearising each kind of vehicle: one module per kind, each with a `KIND`."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 from auv_gym.kinds import Kinds
 from auv_gym.plant import Plant
 
-SMALL = 1e-5  # of a difference quotient: rounding and curvature both stay below 1e-9
+SMALL = 1e-5  # step of a difference quotient: rounding and curvature errors both stay below 1e-9
 
 
 @dataclass(frozen=True)
 class SteadyKind:
     """The steady motion of a kind of vehicle.
 
-    moves: which of the family's states each input moves at first order.  usual: the inputs that a linear form has by
-    default.  steady: the family's states and inputs in steady motion.  steps: half the difference of each name's
-    quotient, in its unit.
+    moves: the family's states that each input moves at first order.  usual: the default inputs of a linear form.
+    steady: the family's states and inputs in steady motion.  steps: half the step of each name's difference quotient,
+    in its unit.
     """
 
     moves: Callable[[Plant], dict[str, tuple[str, ...]]]

@@ -1,4 +1,4 @@
-"""A vehicle in six degrees of freedom in cruise: planes, rudder and drive each move what lies in their plane."""
+"""A vehicle in six degrees of freedom in cruise; each plane, rudder and drive moves the states in its plane."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _moves(plant: Plant) -> dict[str, tuple[str, ...]]:
 def _usual(plant: Plant) -> Sequence[str]:
     roles = plant.family.body.by_role()
     if not roles:
-        find_helm(plant)  # raises with what it needs for a cruise
+        find_helm(plant)  # raises with the requirements of a cruise
     return roles.get("pitch", plant.family.required)
 
 
@@ -34,7 +34,7 @@ def _steady(plant: Plant) -> tuple[np.ndarray, np.ndarray]:
 
 def _steps(plant: Plant, names: Sequence[str]) -> np.ndarray:
     helm = find_helm(plant)
-    drive = plant.inputs[helm.drive]  # in volts or turns, where the others are in rad and m/s
+    drive = plant.inputs[helm.drive]  # in volts or turns, while the others are in rad and m/s
     scale = max(float(command_limits(plant)[helm.drive]), 1.0)
     return np.array([SMALL * (scale if name.startswith(drive) else 1.0) for name in names])
 

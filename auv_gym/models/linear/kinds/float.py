@@ -1,4 +1,4 @@
-"""A float at rest and deep, whose drag is that of a tenth of its fastest speed."""
+"""A float at rest in deep water, with its drag linearised at a tenth of its top speed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from auv_gym.plant import Plant
 from auv_gym.plant.float_engine import find_engine
 
 _DEEP = 100.0  # m, far from the surface
-_NEAR_REST = 0.1  # of the fastest speed: a drag with the square of the speed has no slope at rest
+_NEAR_REST = 0.1  # of the top speed: quadratic drag has no slope at rest
 
 
 def _moves(plant: Plant) -> dict[str, tuple[str, ...]]:
@@ -34,7 +34,7 @@ def _steps(plant: Plant, names: Sequence[str]) -> np.ndarray:
     slow = _NEAR_REST * engine.speed
     force = slow * (hull.drag_linear + slow * hull.drag_quadratic)
     share = force / (engine.speed * (hull.drag_linear + engine.speed * hull.drag_quadratic))
-    # without inertia the engine's step alone makes the speed
+    # without inertia, the engine's step alone makes the speed
     moved = share * engine.half if hull.quasi_steady else SMALL * engine.half
     sizes = {"depth_m": SMALL, "depth_rate_mps": slow}
     return np.array([sizes.get(name, moved) for name in names])

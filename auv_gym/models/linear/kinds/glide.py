@@ -1,4 +1,4 @@
-"""A glider at neutral trim, level and deep: what its engine does to its depth, as the drag of a tenth of its lift."""
+"""A glider at neutral trim, level and deep: effect of its engine on depth, with the drag at a tenth of its lift."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from auv_gym.plant import Plant
 from auv_gym.plant.flying import neutral_engine
 
 _DEEP = 100.0  # m, far from the surface
-_FAR = 10.0  # m from there, over which its trim changes with depth
-_NEAR_REST = 0.1  # of the engine's range: a drag with the square of the speed has no slope at rest
+_FAR = 10.0  # m, distance over which the change of trim with depth is computed
+_NEAR_REST = 0.1  # of the engine's range: quadratic drag has no slope at rest
 
 
 def _moves(plant: Plant) -> dict[str, tuple[str, ...]]:

@@ -1,4 +1,4 @@
-"""A glider in six degrees of freedom in a steady dive: volume and slide move its vertical plane, a turn the others."""
+"""A glider in six degrees of freedom in a steady dive: volume and slide act in its vertical plane only."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from auv_gym.plant import Plant
 from auv_gym.plant.cruise import command_limits
 from auv_gym.plant.gliding import find_masses, usual_glide
 
-_VERTICAL = ("u_mps", "w_mps", "q_radps", "pitch_rad")  # its depth does not rest in a dive
+_VERTICAL = ("u_mps", "w_mps", "q_radps", "pitch_rad")  # its depth is not constant in a dive
 _LATERAL = ("v_mps", "p_radps", "r_radps", "roll_rad", "heading_rad")
 _MOVED = {"volume": _VERTICAL, "slide": _VERTICAL, "turn": _LATERAL}
 

@@ -1,7 +1,7 @@
-"""A vehicle with thrusters, hovering at rest and level: each thruster moves what its push accelerates.
+"""A vehicle with thrusters, hovering at rest and level; each thruster moves the states that its thrust accelerates.
 
-At rest neither a thruster in its dead zone nor a drag with the square of the speed has a slope. Their linear forms are
-those between a quarter of the command either way, and a tenth of the attainable speed.
+At rest, neither a thruster in its dead zone nor quadratic drag has a slope. The linear form uses secants: between a
+quarter of the command in both directions, and up to a tenth of the attainable speed.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from auv_gym.plant.cruise import command_limits
 from auv_gym.plant.hover import find_hover
 from auv_gym.plant.thrusters import AXES, find_thrusters
 
-_COMMAND = 0.25  # of the range either side
+_COMMAND = 0.25  # of the range in both directions
 _NEAR_REST = 0.1  # of the attainable speed
 _MOVED = 1e-6  # of the largest acceleration: less is rounding
 _AXES = {
