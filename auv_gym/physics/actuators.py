@@ -1,10 +1,10 @@
-"""What a command goes through before a fin stands where it stands."""
+"""Actuator effects: from a command to the angle of a fin."""
 
 from math import expm1, inf
 
 from auv_gym.compiled import compiled
 
-_GONE = 1e-250  # a decay towards zero ends before the numbers get so small that a processor slows down
+_GONE = 1e-250  # a decay towards zero is cut here, since denormal numbers are slow
 
 
 @compiled
@@ -16,9 +16,9 @@ def play(position, memory, width):
 
 @compiled
 def held(position, memory, backlash, stiction):
-    """Where an actuator with backlash and stiction goes that is told a position, given where it stood before.
+    """The new position of an actuator with backlash and stiction for a commanded position, given its last one.
 
-    What sticks does not move until it would have to by `stiction` or more, and then all the way.
+    It sticks until the difference is `stiction` or more, and then moves all the way.
     """
     moved = play(position, memory, backlash)
     return moved if abs(moved - memory) >= stiction else memory
@@ -28,8 +28,8 @@ def held(position, memory, backlash, stiction):
 def shaped_command(command, memory, gain, offset, deadband, backlash, stiction, stop):
     """A command after gain, offset, deadband, backlash, stiction and saturation at +-stop, and the new memory.
 
-    memory: where backlash and stiction have left it.  The deadband is continuous: its output starts from zero at its
-    edge. All steps but these two are memoryless, so the dead time, which acts on the sampled signal, may follow them.
+    memory: the last output of backlash and stiction.  The deadband is continuous: its output starts from zero at its
+    edge. All other steps are memoryless, so the dead time, which acts on the sampled signal, may follow them.
     """
     position = command * gain + offset
     position -= min(max(position, -deadband), deadband)
@@ -40,9 +40,9 @@ def shaped_command(command, memory, gain, offset, deadband, backlash, stiction, 
 
 @compiled
 def command_within(command, memory, rest, low, high, gain, offset, deadband, backlash, stiction, lost):
-    """As `shaped_command`, of an actuator that rests at `rest` and goes from low to high, less `lost` at either end.
+    """Like `shaped_command`, for an actuator that rests at `rest` within low to high, less `lost` at both ends.
 
-    What is lost at an end never keeps it from its rest.
+    Lost travel at an end never keeps it from its rest.
     """
     position = (command - rest) * gain + offset
     position -= min(max(position, -deadband), deadband)
@@ -80,8 +80,9 @@ def travel(position, target, lag, slowness, duration, decay=-1.0):
 
     First-order lag with a rate limit, dx/dt = clip((target - x)/lag, +-1/slowness), solved in closed form: a straight
     run at full rate, then an exponential. `mean + slope (t - duration/2)` has the exact zeroth and first moment of the
-    position, so forces taken from it keep a fourth-order integrator's order and are right however small the lag is.
-    lag: s.  slowness: s/rad, the inverse of the rate limit.  decay: `lag_progress(lag, duration)`, where it is known.
+    position, so forces computed from it keep a fourth-order integrator's order and are correct however small the lag
+    is.
+    lag: s.  slowness: s/rad, the inverse of the rate limit.  decay: `lag_progress(lag, duration)`, if known.
     Source: Fossen 2021, sec. 9.7 (lag, rate limit).
     """
     error = position - target

@@ -1,4 +1,4 @@
-"""Volumes that lift a vehicle, and the pressure that some of them feel."""
+"""Buoyant volumes, and their change with depth."""
 
 from math import exp
 
@@ -19,7 +19,7 @@ def air_volume(at_surface, depth, density):
 
 @compiled
 def exposed_volume(depth, waterplane):
-    """Volume, m^3, that a float holds above the water when its reference point is above the surface.
+    """Volume, m^3, of a float above the water when its reference point is above the surface.
 
     waterplane: cross-section at the surface, m^2.  depth: m, negative above the surface.
     """
@@ -28,9 +28,10 @@ def exposed_volume(depth, waterplane):
 
 @compiled
 def volume_change(volume, compressibility, pressure, expansion, warmer):
-    """By how much a volume, m^3, differs from itself at the surface and at its reference temperature.
+    """Change of a volume, m^3, from its value at the surface and at its reference temperature.
 
-    compressibility: 1/Pa.  pressure: of the water above, Pa.  expansion: 1/K.  warmer: than the reference, K.
+    compressibility: 1/Pa.  pressure: of the water above, Pa.  expansion: 1/K.  warmer: temperature above the reference,
+    K.
     Source: Eriksen et al. 2001, IEEE J. Oceanic Eng. 26(4): V exp(expansion warmer - compressibility pressure).
     """
     return volume * (exp(expansion * warmer - compressibility * pressure) - 1.0)

@@ -1,7 +1,7 @@
-"""Terms that a search may add to the models of heading and of vertical motion: yaw moments and forces down.
+"""Candidate terms for the models of heading and of vertical motion: yaw moments and forces down.
 
-Each is a coefficient times a product of what those models know: states, inputs, and the true angle of the rudder. In a
-name `r_r` is r |r|, and `uu` is u u. The library of the six-degree-of-freedom vehicles is in `polynomials`.
+Each is a coefficient times a product of quantities of those models: states, inputs, and the true rudder angle. In a
+name, `r_r` is r |r|, and `uu` is u u. The library of the six-degree-of-freedom vehicles is in `polynomials`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from math import cos, sin, sqrt
 from auv_gym.compiled import compiled
 from auv_gym.param import param
 
-# name: (unit, words); the simplest first, in the order in which the functions below number them.
+# name: (unit, words); the simplest first, numbered in this order by the functions below
 YAW_TERMS: Mapping[str, tuple[str, str]] = {
     "r": ("N m s", "r"),
     "u": ("N s", "u"),
@@ -67,7 +67,7 @@ _W, _W_W = list(HEAVE_TERMS).index("w"), list(HEAVE_TERMS).index("w_w")
 
 @compiled
 def any_term(coefficients, count):
-    """Whether one of the coefficients is not zero; without a way out of the loop, so that it takes some nanoseconds."""
+    """Whether one of the coefficients is not zero; the loop has no early exit, which makes it fast."""
     found = 0
     for k in range(count):
         found += 1 if coefficients[k] != 0.0 else 0
@@ -88,8 +88,8 @@ def discovered_yaw_moment(c, psi, r, rudder, inputs):
 def discovered_heave_force(c, depth, w, piston, temperature, time):
     """Force down, N, of the terms with coefficients c over HEAVE_TERMS.
 
-    w: m/s, down through the water.  piston: m, and temperature: K, from where the float is neutral.  time: s, since the
-    dive began.  The roots keep the sign of what is under them.
+    w: m/s, down through the water.  piston: m, and temperature: K, relative to the float's neutral.  time: s, since the
+    dive began.  The roots keep the sign of their argument.
     """
     root_w = sqrt(w) if w > 0.0 else -sqrt(-w)
     root_depth = sqrt(depth) if depth > 0.0 else -sqrt(-depth)
@@ -100,5 +100,5 @@ def discovered_heave_force(c, depth, w, piston, temperature, time):
 
 @compiled
 def discovered_heave_damping(c, w):
-    """Slope of the terms that damp by themselves, w and w |w|, kg/s, for the longest stable step."""
+    """Slope of the terms that are pure damping, w and w |w|, kg/s, for the longest stable step."""
     return abs(c[_W]) + 2.0 * abs(c[_W_W] * w)

@@ -1,7 +1,7 @@
 """Attitude: unit quaternions inside an integration step, Euler angles (roll, pitch, heading) between steps.
 
-Quaternions [eta, e1, e2, e3] turn body axes into north-east-down.  Source: Fossen 2021, sec. 2.2.  What a measured
-attitude makes of body velocities and rates is `velocity_ned` and `euler_rates`, on floats and arrays alike.
+Quaternions [eta, e1, e2, e3] rotate body axes into north-east-down.  Source: Fossen 2021, sec. 2.2.  `velocity_ned` and
+`euler_rates` convert body velocities and rates with a measured attitude, for floats and arrays alike.
 """
 
 from math import atan2, cos, floor, pi, sin
@@ -62,7 +62,7 @@ def quaternion_of(roll, pitch, heading):
 
 @compiled
 def rotation_of(eta, e1, e2, e3):
-    """The nine entries, by rows, of the rotation from body axes to north-east-down; the norm may be a little off 1.
+    """The nine entries, by rows, of the rotation from body axes to north-east-down; the norm may be slightly off 1.
 
     Source: Fossen 2021, eq. (2.69), divided by the squared norm, so that an integrator's drift does not stretch it.
     """
@@ -82,9 +82,10 @@ def rotation_of(eta, e1, e2, e3):
 
 @compiled
 def euler_angles_of(r11, r12, r13, r21, r22, r23, r31):
-    """Roll, pitch and heading of a rotation, rad; together they give it back even where the bow points straight down.
+    """Roll, pitch and heading of a rotation, rad; together they reproduce it even if the bow points straight down.
 
-    There heading and roll turn about one axis and each alone is arbitrary: roll is taken relative to the heading found.
+    In that case heading and roll are about the same axis and each alone is arbitrary: roll is relative to the heading
+    found.
     """
     heading = atan2(r21, r11)
     ch, sh = cos(heading), sin(heading)

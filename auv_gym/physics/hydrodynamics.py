@@ -1,11 +1,11 @@
-"""Forces of the water on hull and fins, and of gravity, in body axes."""
+"""Hydrodynamic and gravity forces on hull and fins, in body axes."""
 
 from math import atan2, sqrt
 
 from auv_gym.compiled import compiled
 
 STRIPS = 11
-AT_REST = 1e-300  # m/s, for a strip without flow: its drag is 0, not 0/0
+AT_REST = 1e-300  # m/s, for a strip without flow, so that its drag is 0, not 0/0
 
 
 @compiled
@@ -35,13 +35,14 @@ def cross_flow_drag(v, w, q, r, drag_y, drag_z, density, length):
 
 @compiled
 def angle_of_attack(angle, u, cross, turn, fin):
-    """The angle between a pair of fins and the flow as far as the hull's own terms leave it out, rad, up to stall.
+    """The angle of attack of a pair of fins, without the part that the hull's own terms include, rad, up to stall.
 
     cross: v at a rudder, w at a plane; turn: r, or -q.  With `fin.inflow` 0, usual for captive tests, the fin's angle.
     """
     if fin.inflow != 0.0:
         flow = atan2(cross + fin.station * turn, abs(u))
-        # force goes with u|u|: astern the flow's part of it must not, or a fin would drive what it damps ahead
+        # the force is proportional to u|u|: astern, the flow's part must change sign, or a fin would drive what it
+        # damps ahead
         angle -= fin.inflow * flow if fin.lift * u > 0.0 else -fin.inflow * flow
     return min(max(angle, -fin.stall), fin.stall)
 

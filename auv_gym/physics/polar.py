@@ -1,4 +1,4 @@
-"""Lift and drag by the angle of attack, and the steady glide of a vehicle of which no more is known."""
+"""Lift and drag as functions of the angle of attack, and the resulting steady glide."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from math import cos, pi, sin, sqrt, tan
 
 from auv_gym.compiled import compiled
 
-_LEAST = 1e-9  # N, below which a net buoyancy moves nothing
-_EDGE = 1e-9  # rad, from the ends of the interval in which the attack lies
-_CLOSE = 1e-7  # rad, a step of Newton's method that is the last one: it leaves its square
-_FLAT, _STEEP = 0.05, 1.2  # rad, between which the first guess takes the pitch
-_TURNS = 60  # of the search; halving alone would take fifty
+_LEAST = 1e-9  # N, below which a net buoyancy causes no motion
+_EDGE = 1e-9  # rad, margin at the ends of the interval of the attack
+_CLOSE = 1e-7  # rad, the last step of Newton's method; its error is of the order of the square
+_FLAT, _STEEP = 0.05, 1.2  # rad, limits of the pitch in the first guess
+_TURNS = 60  # most iterations of the search; bisection alone would take fifty
 
 
 @compiled
@@ -29,9 +29,9 @@ def polar_lift(attack, lift_0, lift_1):
 def steady_glide(force, pitch, density, area, drag_0, drag_power, drag_2, lift_1):
     """Speed, m/s, path angle and angle of attack, rad, at which lift and drag balance a net buoyancy.
 
-    force: N, up.  pitch: rad, nose up.  density: kg/m^3.  With q = density speed^2 / 2 in Pa, drag is
-    area q (drag_0 q^drag_power + drag_2 attack^2) and lift area q lift_1 attack.  The path angle is positive up, pitch
-    less attack.  Of several balances, the one of the least attack, which is the fastest.
+    force: N, up.  pitch: rad, nose up.  density: kg/m^3.  With q = density speed^2 / 2 in Pa, drag is area q (drag_0
+    q^drag_power + drag_2 attack^2) and lift area q lift_1 attack.  The path angle is positive up, pitch minus attack.
+    Of several balances, the one with the smallest attack, which is the fastest.
     Source: Eriksen et al. 2001, IEEE J. Oceanic Eng. 26(4), eqs. (3) to (7), solved for the angle of attack.
     """
     side = 1.0 if force >= 0.0 else -1.0
@@ -41,7 +41,7 @@ def steady_glide(force, pitch, density, area, drag_0, drag_power, drag_2, lift_1
         return 0.0, pitch, 0.0
     # beyond = -side attack > 0, and the path is nose + beyond, between level and vertical
     low, high = max(0.0, -nose) + _EDGE, 0.5 * pi - nose - _EDGE
-    # first guess: the tangent taken as linear in the attack, drag_0 at the speed of a path as steep as the nose
+    # first guess: tangent linear in the attack, drag_0 at the speed of a path as steep as the nose
     steep = tan(min(max(nose, _FLAT), _STEEP))
     pressure = lifting * steep / (sqrt(1.0 + steep * steep) * area * drag_0)
     skin = drag_0 * pressure**drag_power if drag_power != 0.0 else drag_0
@@ -52,7 +52,7 @@ def steady_glide(force, pitch, density, area, drag_0, drag_power, drag_2, lift_1
     for _ in range(_TURNS):
         path = nose + beyond
         s, c = sin(path), cos(path)
-        # across the path, lift balances the buoyancy's part: this is the pressure
+        # across the path, lift balances the component of the buoyancy; this gives the dynamic pressure
         pressure = lifting * c / (area * polar_lift(beyond, 0.0, lift_1))
         skin = drag_0 * pressure**drag_power if drag_power != 0.0 else drag_0
         slope = s / c

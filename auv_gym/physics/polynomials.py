@@ -1,9 +1,9 @@
-"""The terms of a hull's hydrodynamic polynomials and the parameter groups that hold their coefficients.
+"""The terms of a hull's hydrodynamic polynomials, and the parameter groups that hold their coefficients.
 
-A force is a sum of coefficients times products of the velocities through the water: the form in which captive model
-tests are reduced (Gertler and Hagen 1967) and from which the published sets draw. `uv` is u v, `v_v` is v |v|. They
-hold for u > 0; astern, u times an axis's own velocity (sway `uv`, heave `uw`, roll `up`, pitch `uq`, yaw `ur`) is |u|
-times it, so that damping still damps.
+A force is a sum of coefficients times products of the velocities through the water, the form in which captive model
+tests are reduced (Gertler and Hagen 1967) and which the published coefficient sets use. `uv` is u v, `v_v` is v |v|.
+They hold for u > 0; astern, u times an axis's own velocity (sway `uv`, heave `uw`, roll `up`, pitch `uq`, yaw `ur`) is
+replaced by |u| times it, so that damping still damps.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ TERMS = (
     "vw", "vp", "vq", "vr", "wp", "wq", "wr",
     "pq", "pr", "qr",
 )  # fmt: skip
-# What an unknown force may depend on besides, in the search for a missing term.
+# Further variables of an unknown force, in the search for a missing term.
 ENVIRONMENT_TERMS = ("depth", "sin_heading", "cos_heading")
 
 

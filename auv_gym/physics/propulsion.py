@@ -5,7 +5,7 @@ from math import pi, sqrt
 from auv_gym.compiled import compiled
 
 RADPS_PER_RPM = pi / 30.0
-# The grid of a thrust table: even, so that a cell is found without a search.
+# The grid of a thrust table; it is even, so that a cell is found without a search.
 ROWS, COLUMNS = 6, 5
 VOLTAGE_STEP = 1.0  # V
 LOWEST_INFLOW, INFLOW_STEP = -1.5, 0.75  # m/s
@@ -24,7 +24,7 @@ def shaft_law(shaft_speed, u, per_square, per_speed):
 
 @compiled
 def table_thrust(voltage, inflow, table):
-    """Thrust, N, from a table over VOLTAGES (rows) and INFLOWS, m/s, bilinear, held at its edges.
+    """Thrust, N, from a table over VOLTAGES (rows) and INFLOWS, m/s, bilinear, constant beyond its edges.
 
     table: (rows * columns,).  Astern, T(-V, u) = -T(V, -u).
     """
@@ -43,10 +43,11 @@ def table_thrust(voltage, inflow, table):
 
 @compiled
 def slipstream_speed(shaft_speed, u, pitch, c_t1):
-    """u eps of the NPS propulsion model, m/s: what the propeller adds to the flow at the planes.
+    """u eps of the NPS propulsion model, m/s: the speed that the propeller adds to the flow at the planes.
 
-    eps = -1 + sign(n)/sign(u) (sqrt(C_t + 1) - 1)/(sqrt(C_t1 + 1) - 1), C_t = c_t1 eta|eta|, eta = pitch n/u; times u
-    here, so that nothing divides by it. The form has no value where C_t < -1 (astern): the root is held at zero there.
+    eps = -1 + sign(n)/sign(u) (sqrt(C_t + 1) - 1)/(sqrt(C_t1 + 1) - 1), C_t = c_t1 eta|eta|, eta = pitch n/u;
+    multiplied by u here, to avoid dividing by it. The formula has no value for C_t < -1 (astern): the root is then
+    zero.
     Source: Healey and Lienard 1993, IEEE J. Oceanic Eng. 18(3).
     """
     drive = pitch * shaft_speed

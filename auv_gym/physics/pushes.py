@@ -1,10 +1,10 @@
-"""Random accelerations that push a vehicle, and errors of readings that last, from one row of a record to the next.
+"""Random accelerations of a vehicle, and lasting sensor errors, from one row of a record to the next.
 
-Each is a first-order Gauss-Markov process; those of a swell come in pairs of such processes that turn into each other,
-of which the first one pushes.  Source: Harvey 1989, sec. 2.3.5 (stochastic cycle).
-Where they act is in `kicks`, (D, 4): the state that one pushes, or -1 less the output that it is added to; the shares
-of it that act before and after each sample's interval; and the angular frequency, rad/s, with which it and the one
-after it turn into each other, 0 for those that merely fade.
+Each is a first-order Gauss-Markov process; those of a swell come in pairs that rotate into each other, the first of
+which acts on the vehicle.  Source: Harvey 1989, sec. 2.3.5 (stochastic cycle).
+`kicks`, (D, 4), says where they act: the state that a process accelerates, or -1 minus the output that it is added to;
+the shares that act before and after each sample's interval; and the angular frequency, rad/s, with which it and the
+next one rotate into each other, 0 for those that only decay.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from auv_gym.compiled import compiled
 
 @compiled
 def turned(one, other, cosine, sine):
-    """Two numbers turned into each other by an angle."""
+    """Two numbers rotated into each other by an angle."""
     return cosine * one - sine * other, sine * one + cosine * other
 
 
 @compiled
 def fade(push, decays, kicks, duration):
-    """Accelerations after a duration, s, (D,), in place: all decay, by (D,), and those of a swell turn in pairs."""
+    """Accelerations after a duration, s, (D,), in place: all decay, by (D,), and those of a swell rotate in pairs."""
     for j in range(push.shape[0]):
         push[j] *= decays[j]
     for j in range(push.shape[0]):
@@ -33,7 +33,7 @@ def fade(push, decays, kicks, duration):
 
 @compiled
 def shove(x, push, kicks, side, duration):
-    """What accelerations, (D,), do to the states that they push over a duration, s, in place.
+    """Apply accelerations, (D,), to their states over a duration, s, in place.
 
     side: 1 for their share before an interval, 2 for that after it.
     """
@@ -44,13 +44,13 @@ def shove(x, push, kicks, side, duration):
 
 @compiled
 def misreads(kick):
-    """The output to which an error of readings that lasts is added, by its row of `kicks`; -1 where it is none."""
+    """The output to which a lasting sensor error is added, from its row of `kicks`; -1 if it is not a sensor error."""
     return int(-kick[0]) - 1 if kick[0] < 0.0 else -1
 
 
 @compiled
 def misread(y, push, kicks):
-    """What errors of readings that last, (D,), add to the outputs, in place."""
+    """Add lasting sensor errors, (D,), to the outputs, in place."""
     for j in range(push.shape[0]):
         output = misreads(kicks[j])
         if output >= 0:
@@ -58,7 +58,7 @@ def misread(y, push, kicks):
 
 
 def ways_of(kicks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Which noise is the first of each way to push a vehicle, (K,), and which way each has, (D,); -1 for none."""
+    """Indices of the first noise of each way to push a vehicle, (K,), and the way of each noise, (D,); -1 for none."""
     way, known = np.full(len(kicks), -1), dict[tuple[float, ...], int]()
     for d, (state, *shares, _) in enumerate(kicks.tolist()):
         if state >= 0.0 and any(shares):

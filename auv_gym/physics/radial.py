@@ -1,10 +1,10 @@
-"""Sums of Gaussian bells around many centres, which a kernel machine is made of.
+"""Sums of Gaussian radial basis functions around many centres, the form of a kernel machine.
 
     f(x) = sum_j c_j exp(-|(x - s_j) rate|^2)
 
-The centres stand side by side in blocks of LANES, so that a processor works on several at a time, and the exponential
-is written out for that: 2^v is a whole power of two, put into the exponent's bits, times a polynomial of the rest.
-|x - s|^2 comes as x^2 - 2 x s + s^2, at an error of some 1e-15 (x^2 + s^2) in the exponent.
+The centres are stored side by side in blocks of LANES, so that a processor works on several at a time, and the
+exponential is written out for that: 2^v is a whole power of two, put into the exponent's bits, times a polynomial of
+the rest.  |x - s|^2 is computed as x^2 - 2 x s + s^2, with an error of some 1e-15 (x^2 + s^2) in the exponent.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import numpy as np
 from auv_gym.compiled import compiled
 
 LANES = 128
-BITS = sqrt(1.0 / log(2.0))  # inputs are scaled by it, so that powers are of two
-_ROUNDS = 1.5 * 2.0**52  # added to a number, leaves it rounded in the last bits
-_LEAST = -1000.0  # 2^v is nothing below, and its bits stay those of a normal number
+BITS = sqrt(1.0 / log(2.0))  # scale of the inputs, so that powers are of two
+_ROUNDS = 1.5 * 2.0**52  # adding this to a number leaves the rounded number in the last bits
+_LEAST = -1000.0  # 2^v is zero below, and its bits are those of a normal number
 # Taylor, to 1e-16 of 2^f where |f| <= 1/2
 _C1, _C2, _C3, _C4, _C5, _C6, _C7, _C8, _C9, _C10, _C11, _C12 = (log(2.0) ** k / factorial(k) for k in range(1, 13))
 
@@ -33,13 +33,13 @@ def radial_blocks(support: np.ndarray, rate: np.ndarray, coefficients: np.ndarra
     count = -(-len(rows) // LANES)
     blocks = np.zeros((count * LANES, rows.shape[1]))
     blocks[: len(rows)] = rows
-    blocks[len(rows) :, scaled.shape[1]] = np.inf  # no centre: infinitely far
+    blocks[len(rows) :, scaled.shape[1]] = np.inf  # empty slot: infinitely far
     return np.ascontiguousarray(blocks.reshape(count, LANES, -1).transpose(0, 2, 1))
 
 
 @compiled
 def fill_gaussian_exponents(x, block, power):
-    """-|(x - s) rate|^2 / ln 2 for the centres of a block into power (LANES,)."""
+    """Write -|(x - s) rate|^2 / ln 2 for the centres of a block into power (LANES,)."""
     d, n = x.shape[0], power.shape[0]
     own, square = block[d], 0.0
     for i in range(d):
@@ -54,7 +54,7 @@ def fill_gaussian_exponents(x, block, power):
 
 @compiled
 def radial_sums(x, blocks, room, out):
-    """Writes f(x) into out (m,).
+    """Write f(x) into out (m,).
 
     x: (d,), times rate BITS.  blocks: see `radial_blocks`.  room: scratch, shape (2 + m, LANES).
     """
@@ -86,7 +86,7 @@ def radial_sums(x, blocks, room, out):
                 total[j] += coefficient[j] * bell[j]
     for o in range(m):
         total, half = room[2 + o], n // 2
-        while half > 4:  # halves on each other: one long sum would be a chain of waits
+        while half > 4:  # pairwise halving: a single long sum would be a chain of dependent additions
             for j in range(half):
                 total[j] += total[half + j]
             half //= 2
@@ -98,7 +98,7 @@ def radial_sums(x, blocks, room, out):
 
 @compiled
 def radial_distance(x, blocks, room):
-    """|(x - s) rate| of the nearest centre; arguments as of `radial_sums`."""
+    """The distance |(x - s) rate| to the nearest centre; arguments as in `radial_sums`."""
     power, most = room[0], room[1]
     for j in range(most.shape[0]):
         most[j] = -np.inf
@@ -117,7 +117,7 @@ def radial_distance(x, blocks, room):
 
 @compiled
 def radial_distances(x, blocks, out):
-    """`radial_distance` of every row of x (n, d), into out (n,)."""
+    """Write `radial_distance` of every row of x (n, d) into out (n,)."""
     room = np.empty((2, blocks.shape[2]))
     for i in range(x.shape[0]):
         out[i] = radial_distance(x[i], blocks, room)

@@ -1,4 +1,4 @@
-"""Inertia of a body and what it does in turning axes.
+"""Rigid-body inertia, and the forces that it causes in rotating axes.
 
 Velocities nu = [u v w p q r] and forces in body axes about the body origin.
 """
@@ -8,9 +8,9 @@ from auv_gym.compiled import compiled, outlined
 
 @outlined
 def fill_rigid_body_mass(mass, x_g, y_g, z_g, hull, matrix):
-    """M_RB into matrix, shape (6, 6), with any centre of gravity.  Source: Fossen 2021, eq. (3.49).
+    """Write M_RB into matrix, shape (6, 6), for any centre of gravity.  Source: Fossen 2021, eq. (3.49).
 
-    hull: record with i_xx ... i_xz about the body origin; the products enter with a minus.
+    hull: record with i_xx ... i_xz about the body origin; the products have a minus sign in the matrix.
     """
     for i in range(6):
         for j in range(6):
@@ -39,7 +39,7 @@ def coriolis_forces(momentum, u, v, w, p, q, r):
     dP/dt = -omega x P and dH/dt = -omega x H - v x P (Kirchhoff); with M_A the last term is the Munk moment.
     Source: Fossen 2021, theorem 3.2.
     """
-    m = momentum  # sums of three and three: a processor adds them side by side
+    m = momentum  # sums of three plus three: a processor adds them in parallel
     p1 = (m[0, 0] * u + m[0, 1] * v + m[0, 2] * w) + (m[0, 3] * p + m[0, 4] * q + m[0, 5] * r)
     p2 = (m[1, 0] * u + m[1, 1] * v + m[1, 2] * w) + (m[1, 3] * p + m[1, 4] * q + m[1, 5] * r)
     p3 = (m[2, 0] * u + m[2, 1] * v + m[2, 2] * w) + (m[2, 3] * p + m[2, 4] * q + m[2, 5] * r)
@@ -58,9 +58,9 @@ def coriolis_forces(momentum, u, v, w, p, q, r):
 
 @outlined
 def invert(matrix, inverse):
-    """The inverse of a square matrix into `inverse`; matrix is destroyed, and a singular one gives infinities.
+    """Write the inverse of a square matrix into `inverse`; matrix is destroyed, and a singular one gives infinities.
 
-    Gauss-Jordan with partial pivoting: numpy's own raises inside compiled code, where a fit only has to step back.
+    Gauss-Jordan with partial pivoting: numpy's own would raise inside compiled code, where a fit only has to step back.
     """
     n = matrix.shape[0]
     for i in range(n):

@@ -1,4 +1,4 @@
-"""What a measured signal goes through before it is read."""
+"""Sensor effects: from a true signal to its reading."""
 
 from math import cos, exp, floor, sin
 
@@ -16,7 +16,7 @@ def deviation(heading, compass):
 
 @compiled
 def lag_error(error, change, lag, duration):
-    """What a first-order sensor reads minus what it should, after its input has changed by `change` as a ramp.
+    """The error of a first-order sensor after its input has changed by `change` as a ramp.
 
     Exact for a ramp; zero, bit for bit, at lag 0 from zero.  lag, duration: s.
     """
@@ -28,15 +28,15 @@ def lag_error(error, change, lag, duration):
 
 @compiled
 def compass_reading(heading, error, compass):
-    """The heading that a compass gives, rad, with the lag's present error."""
+    """The reading of a compass, rad, with the lag's present error."""
     return heading + deviation(heading, compass) + error + compass.bias
 
 
 @compiled
 def sampled(value, last, noise, resolution, dropout, normal, uniform):
-    """The reading of a value; where the sample is missing, the last reading stands.
+    """The reading of a value; if the sample is missing, the last reading is kept.
 
-    noise: standard deviation.  resolution: step of the reading, 0 for none.  dropout: chance of a missing sample.
+    noise: standard deviation.  resolution: step of the reading, 0 for none.  dropout: probability of a missing sample.
     normal, uniform: drawn numbers, from N(0, 1) and from [0, 1).
     """
     if uniform < dropout:

@@ -1,4 +1,4 @@
-"""Motion of the water: waves; current and shear are simple enough to stand where they are used."""
+"""Wave motion of the water; current and shear are simple enough to be computed where they are used."""
 
 from math import cos, exp, pi, sin
 
