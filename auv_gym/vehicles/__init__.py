@@ -12,14 +12,14 @@ FAMILY_NAMES = ("body", *FAMILIES)
 
 
 def family_named(name: str, parts: Sequence[Part] = ()) -> Family:
-    """The family of a name, of a body with these parts; raises KeyError on an unknown name."""
+    """The family of this name, or of a body with these parts; raises KeyError for an unknown name."""
     if name not in FAMILY_NAMES:
         raise KeyError(name)
     return FAMILIES[name] if name in FAMILIES else compose(parts)
 
 
 def effects_by_kind() -> dict[str, Any]:
-    """The effects of each kind of vehicle, neutral; of a body those that it has whatever its parts."""
+    """The neutral effects of each kind of vehicle; for a body, those independent of its parts."""
     return {family.kind: family.parameters().effects for family in (*FAMILIES.values(), compose(()))}
 
 

@@ -1,4 +1,4 @@
-"""The depth sensor of a vehicle whose first two states are its depth and what its depth changes by in a second."""
+"""The depth sensor of a vehicle whose first two states are its depth and its depth rate."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from auv_gym.physics.sensors import lag_error
 
 @compiled
 def sense(before, x, sensors, duration, p):
-    """Update of the sensors' states [depth lag error] after the vehicle went from `before` to `x`."""
+    """Update the sensors' states [depth lag error] after the vehicle went from `before` to `x`."""
     depth = p.effects.depth
     sensors[0] = lag_error(sensors[0], (1.0 + depth.scale) * (x[0] - before[0]), depth.lag, duration)
 
 
 @compiled
 def settle_sensors(x, actuators, sensors, p):
-    """Sensors' states of a vehicle that has been moving at its present rate for long."""
+    """Set the sensors' states of a vehicle that has moved at its present rate for long."""
     sensors[0] = -p.effects.depth.lag * (1.0 + p.effects.depth.scale) * x[1]

@@ -12,7 +12,7 @@ from auv_gym.effects import ClockEffects, Sampling
 from auv_gym.param import param, part
 from auv_gym.physics.discovered import DiscoveredHeave
 
-# What in a log sets an effect apart from others that look alike.
+# What in a log would distinguish an effect from similar ones.
 _PROFILE = "a profile of the water's density, measured with the log"
 _TRIM = "a known trim, weighed in water of known density"
 _SHALLOW = "a slow dive through the uppermost twenty metres"
@@ -27,7 +27,7 @@ _VALVE = "valve actions at several depths, with a measured oil volume"
 
 @dataclass(frozen=True)
 class PistonEffects:
-    """Of a piston: gain about mid-stroke, offset, backlash, stiction, delays, rate limit."""
+    """Effects of a piston: gain about mid-stroke, offset, backlash, stiction, delays, rate limit."""
 
     offset: float = param(0.0, "m", "piston offset", bounds=(-0.1, 0.1), probe=1e-3)
     gain: float = param(1.0, "1", "piston gain", bounds=(0.05, 5.0), probe=0.10)
@@ -40,7 +40,7 @@ class PistonEffects:
 
 @dataclass(frozen=True)
 class VolumeEffects:
-    """Displaced volume that a first model of a float leaves out; positive lifts."""
+    """Displaced volume missing in a simple model of a float; positive lifts."""
 
     offset: float = param(0.0, "m^3", "initial volume offset", bounds=(-5e-3, 5e-3), probe=2e-6, apart=_TRIM)
     compressibility: float = param(
@@ -70,7 +70,7 @@ class ColumnEffects:
 
 @dataclass(frozen=True)
 class TetherEffects:
-    """A line to the surface: its pull, up positive, and the drag of what has been paid out."""
+    """A line to the surface: its pull, up positive, and the drag of the line paid out."""
 
     pull: float = param(0.0, "N", "tether pull", bounds=(-50.0, 50.0), probe=0.02, apart=_FREE)
     drag: float = param(0.0, "kg/m^2", "tether drag per length paid out", bounds=(0.0, 10.0), probe=0.05, apart=_LINE)
@@ -78,7 +78,7 @@ class TetherEffects:
 
 @dataclass(frozen=True)
 class FloatDragEffects:
-    """Errors of the drag coefficients, as shares of them."""
+    """Relative errors of the drag coefficients."""
 
     quadratic: float = param(0.0, "1", "quadratic drag error", bounds=(-0.9, 10.0), probe=0.1)
     linear: float = param(0.0, "1", "linear drag error", bounds=(-0.9, 10.0), probe=0.2)
@@ -86,7 +86,7 @@ class FloatDragEffects:
 
 @dataclass(frozen=True)
 class OilEffects:
-    """Errors of the logged oil volume: pump rate, valve rate, and a valve that lets more in under pressure."""
+    """Errors of the logged oil volume: pump rate, valve rate, and a valve that lets in more under pressure."""
 
     pump_gain: float = param(0.0, "1", "pump rate error", bounds=(-0.9, 5.0), probe=0.02, apart=_OIL)
     valve_gain: float = param(0.0, "1", "valve rate error", bounds=(-0.9, 5.0), probe=0.05, apart=_OIL)
@@ -97,7 +97,7 @@ class OilEffects:
 
 @dataclass(frozen=True)
 class FloatDepthSensor:
-    """Errors of a float's measured depth; only by how it starts to move is a wrong scale told from a wrong drag."""
+    """Errors of a float's measured depth; a wrong scale differs from a wrong drag only while the float starts."""
 
     bias: float = param(0.0, "m", "depth sensor bias", bounds=(-100.0, 100.0), probe=0.05)
     scale: float = param(0.0, "1", "depth sensor scale error", bounds=(-0.5, 0.5), probe=0.04)

@@ -1,4 +1,4 @@
-"""Vehicle files of the former families of torpedoes, read as a hull and its parts."""
+"""Conversion of vehicle files of the former torpedo families to a hull and its parts."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _STERN_IN_WAKE = {
 
 
 def convert_former_vehicle(content: Mapping[str, Any]) -> dict[str, Any]:
-    """The content of a file of a former family as that of family "body"; other contents as they are.
+    """The content of a former family's file converted to family "body"; other contents are unchanged.
 
-    Raises ValueError where both forms are mixed.
+    Raises ValueError if both forms are mixed.
     """
     family = content.get("family")
     if not isinstance(family, str) or family not in COMMANDS or not isinstance(content.get("hull", {}), Mapping):
@@ -47,7 +47,7 @@ def convert_former_vehicle(content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def current_torpedo_path(path: str) -> str:
-    """What a parameter of a former torpedo is called now; other paths as they are."""
+    """The present path of a former torpedo's parameter; other paths are unchanged."""
     head, _, name = path.rpartition(".")
     if head == "hull.slipstream":
         return (
@@ -80,7 +80,7 @@ def _effects(given: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, An
 
 
 def _moves(fin: Mapping[str, Any]) -> bool:
-    """Whether a bow plane does anything."""
+    """Whether a bow plane has any effect."""
 
     def value(name: str, default: float) -> float:
         entry = fin.get(name, default)

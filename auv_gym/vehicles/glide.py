@@ -1,8 +1,8 @@
-"""The flight of a glider in the vertical plane and over ground, steady at every moment, by a published polar.
+"""Quasi-steady flight of a glider, in the vertical plane and over ground, by a published polar.
 
-The attitude is an input, as it was measured or as it is commanded; depth and displacement follow.
-Sources: Eriksen et al. 2001, IEEE J. Oceanic Eng. 26(4), 424-436 (Seaglider); Merckelbach, Smeed and Griffiths 2010,
-J. Atmos. Oceanic Technol. 27, 547-563 (Slocum).  Depth and vertical velocity are positive down.
+The attitude is an input, measured or commanded; depth and displacement follow.
+Sources: Eriksen et al. 2001, IEEE J. Oceanic Eng. 26(4), 424-436 (Seaglider); Merckelbach, Smeed and Griffiths 2010, J.
+Atmos. Oceanic Technol. 27, 547-563 (Slocum).  Depth and vertical velocity are positive down.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from auv_gym.vehicles.operators_constants import seaglider_constants
 class GlideHull:
     """Mass, displaced volume and polar of a glider.
 
-    It displaces V = volume exp(-compressibility P + expansion (T - temperature)) with its buoyancy engine at 0, P the
-    pressure of the water above, and the engine's volume besides.  With q = density speed^2 / 2 in Pa, drag is
-    area q (drag_0 q^drag_power + drag_2 attack^2) and lift area q lift_1 attack.
+    With its buoyancy engine at 0 it displaces V = volume exp(-compressibility P + expansion (T - temperature)), with P
+    the pressure of the water above; the engine's volume is added.  With q = density speed^2 / 2 in Pa, drag is area q
+    (drag_0 q^drag_power + drag_2 attack^2) and lift area q lift_1 attack.
     """
 
     density: float = param(1027.5, "kg/m^3", "water density where none is measured", bounds=(900.0, 1100.0))
@@ -66,16 +66,16 @@ class GlideParameters:
     effects: GlideEffects = part(GlideEffects)
 
 
-_SALTS = 0.78  # kg/m^3 for each unit of practical salinity, near 10 degC and 35 (TEOS-10)
-_RATE_LAG = 30.0  # s, with which its depth rate follows the balance; its depth does not wait for it
-_AT_SURFACE, _CALM, _KEPT = 2.0, 0.5, 4  # s: step at the surface; m/s, fastest rise beside it; steps
+_SALTS = 0.78  # kg/m^3 per unit of practical salinity, near 10 degC and 35 (TEOS-10)
+_RATE_LAG = 30.0  # s, with which the depth rate state follows the balance; the depth itself has no such lag
+_AT_SURFACE, _CALM, _KEPT = 2.0, 0.5, 4  # s, step at the surface; m/s, fastest rise for it; steps between evaluations
 
 
 @compiled
 def water_velocity(depth, time, water):
-    """Velocity of the water down, m/s, at a depth, m, and a time, s: steady, and an internal wave."""
+    """Velocity of the water down, m/s, at a depth, m, and a time, s: steady plus an internal wave."""
     steady = water.current + water.current_with_depth * max(depth, 0.0)
-    if water.heave_sin == 0.0 and water.heave_cos == 0.0:  # the usual case, without the trigonometry
+    if water.heave_sin == 0.0 and water.heave_cos == 0.0:  # the usual case, without trigonometry
         return steady
     phase = 2.0 * pi / water.heave_period * time
     return steady + water.heave_sin * sin(phase) + water.heave_cos * cos(phase)
@@ -83,7 +83,7 @@ def water_velocity(depth, time, water):
 
 @compiled
 def net_buoyancy(depth, unknown, engine, hull_temperature, density, time, p):
-    """Buoyancy less weight, N, up.
+    """Buoyancy minus weight, N, up.
 
     unknown: m^3, of this dive.  engine: m^3.  hull_temperature: degC.  density: kg/m^3.  time: s, since the log began.
     """
@@ -115,7 +115,7 @@ def flight(depth, unknown, actuators, inputs, time, p):
 
 @compiled
 def flight_at(depth, unknown, engine, hull_temperature, pitch, density, time, p):
-    """The same at a true pitch, rad, in water of a density, kg/m^3, as it was measured or assumed."""
+    """Steady flight as in `flight`, at a true pitch, rad, in water of a measured or assumed density, kg/m^3."""
     hull, polar, water = p.hull, p.effects.polar, p.effects.water
     density = density + _SALTS * water.salinity + water.gradient * depth
     force = net_buoyancy(depth, unknown, engine, hull_temperature, density, time, p)
@@ -125,13 +125,13 @@ def flight_at(depth, unknown, engine, hull_temperature, pitch, density, time, p)
 
 @compiled
 def stable_step(x, inputs, p):
-    """The longest RK4 step, s, that does not pass the surface; a glider without inertia needs no other limit."""
+    """The longest RK4 step, s: it must not pass the surface, nor exceed twice the lag of the depth rate."""
     return min(max(x[0] / (_KEPT * _CALM), _AT_SURFACE), 2.0 * _RATE_LAG)
 
 
 @compiled
 def true_heading(read, compass):
-    """The heading, rad, at which a compass reads this: what it shows less bias and deviation, to second order."""
+    """The heading, rad, at which a compass has this reading: reading minus bias and deviation, to second order."""
     heading = read - compass.bias - deviation(read - compass.bias, compass)
     return read - compass.bias - deviation(heading, compass)
 
@@ -140,7 +140,7 @@ def true_heading(read, compass):
 def derivative(x, actuators, inputs, p, dx, scratch):
     """State derivative of [depth, depth rate, north, east, unknown volume, time into the sample] into dx.
 
-    The glider flies without sideslip where its bow points, less the angle of attack, and the water carries it.
+    The glider flies without sideslip in the direction of its bow, minus the angle of attack, and drifts with the water.
     """
     time = inputs[5] + x[5]
     speed, path, _ = flight(x[0], x[4], actuators, inputs, time, p)
@@ -151,7 +151,7 @@ def derivative(x, actuators, inputs, p, dx, scratch):
 
 @compiled
 def carry(x, speed, path, heading, time, p, dx):
-    """The slopes of depth, depth rate, north and east into dx, of a flight on a true heading, rad."""
+    """Write the derivatives of depth, depth rate, north and east into dx, for flight on a true heading, rad."""
     rate = water_velocity(x[0], time, p.effects.water) - speed * sin(path)
     if x[0] <= 0.0:  # afloat
         rate = max(rate, 0.0)
@@ -164,13 +164,13 @@ def carry(x, speed, path, heading, time, p, dx):
 
 @compiled
 def enter(x, z):
-    """Integrated states from kept ones: a clock that starts with the sample joins them."""
+    """Convert kept states to integrated ones, by adding a clock that starts with the sample."""
     z[0], z[1], z[2], z[3], z[4], z[5] = x[0], x[1], x[2], x[3], x[4], 0.0
 
 
 @compiled
 def shape(inputs, memory, p, shaped):
-    """The engine's volume after its gain and its stops, and the water's temperature, into shaped."""
+    """Write the engine's volume after its gain and stops, and the water's temperature, into shaped."""
     hull, engine = p.hull, p.effects.engine
     rest, low, high = hull.engine_neutral, hull.engine_low, hull.engine_high
     shaped[0], memory[0] = command_within(inputs[0], memory[0], rest, low, high, engine.gain, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -188,7 +188,7 @@ def actuator_times(index, p):
 
 @compiled
 def output(x, actuators, sensors, p, y):
-    """Outputs [measured depth, north, east] into y."""
+    """Write the outputs [measured depth, north, east] into y."""
     depth = p.effects.depth
     y[0] = x[0] + depth.scale * x[0] + sensors[0] + depth.bias
     y[1] = x[2]
@@ -196,7 +196,7 @@ def output(x, actuators, sensors, p, y):
 
 
 def engine_problem(parameters: GlideParameters) -> str:
-    """What is wrong with the buoyancy engine's range or with the trim, or nothing."""
+    """The problem of the buoyancy engine's range or of the trim, or nothing."""
     hull = parameters.hull
     if not hull.engine_low < hull.engine_high:
         return "hull.engine_low must be less than hull.engine_high"
@@ -205,14 +205,14 @@ def engine_problem(parameters: GlideParameters) -> str:
     return ""
 
 
-SURFACE = 10.0  # m: an 8 s swell moves the water there by a third of what it does at the surface
-PUMPED = 3e-6  # m^3 from one sample to the next: more is the engine, less the resolution of its sensor
+SURFACE = 10.0  # m: there, an 8 s swell moves the water a third as much as at the surface
+PUMPED = 3e-6  # m^3 from one sample to the next: more means the engine, less the resolution of its sensor
 SETTLED = 20.0  # s after pumping: three times M / (2 B / U), with 60 kg, 1.3 N and 0.25 m/s
-FLATTEST = radians(5.0)  # of a pitch; flatter is an inflection, or a stall (the basestation's min_stall_angle)
+FLATTEST = radians(5.0)  # of a pitch; a smaller one is an inflection, or a stall (the basestation's min_stall_angle)
 
 
 def beyond(time: np.ndarray, columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Samples of a dive, in order, that steady flight does not describe, as masks by what they are."""
+    """Samples of a dive, in order, that steady flight does not describe, as masks by reason."""
     depth, pitch, engine = columns["depth_m"], columns["pitch_rad"], columns["buoyancy_volume_m3"]
     moved = np.abs(np.diff(engine)) > PUMPED
     moving = np.r_[moved, False] | np.r_[False, moved]
@@ -229,7 +229,7 @@ def beyond(time: np.ndarray, columns: Mapping[str, np.ndarray]) -> dict[str, np.
 
 
 def stated(parameters: GlideParameters, attrs: Mapping[str, Any]) -> Mapping[str, float]:
-    """Values by path that a log states and that take the place of these, where the vehicle is one of a series."""
+    """Values by path that a log states and that replace these, if the vehicle represents a series."""
     return seaglider_constants(attrs) if parameters.hull.as_logged else {}
 
 
@@ -269,7 +269,7 @@ GLIDE = Family(
     },
     measured={
         "effects.water.gradient": "density_kgpm3",
-        # attitude is measured in every log, so what trims it is nothing to look for
+        # attitude is measured in every log, so its trim is not searched for
         **dict.fromkeys((*STEERED, "effects.inclinometer.roll_bias"), "pitch_rad"),
     },
     shared={"volume_m3": "effects.volume.offset"},

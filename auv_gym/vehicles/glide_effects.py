@@ -1,7 +1,7 @@
 """The effects of a glider that flies by its polar, each neutral by default; see `auv_gym.effects`.
 
-Probes are the smallest changes worth detecting in a few dives: a millimetre or two a second of vertical velocity at
-a net buoyancy of 1 to 2 N.
+Probes are the smallest changes worth detecting in a few dives: one or two millimetres per second of vertical velocity
+at a net buoyancy of 1 to 2 N.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ EngineEffects = effects_on_commands(
 
 @dataclass(frozen=True)
 class DisplacementEffects:
-    """Displaced volume that a first model leaves out; positive lifts."""
+    """Displaced volume missing in a simple model; positive lifts."""
 
     offset: float = param(0.0, "m^3", "volume bias", bounds=(-2e-3, 2e-3), probe=3e-6, apart=_TRIM)
     compressibility: float = param(
         0.0, "1/Pa", "change in compressibility", bounds=(-1e-9, 2e-9), probe=3e-11, apart=_DEEP
     )
     expansion: float = param(0.0, "1/K", "change in thermal expansion", bounds=(-3e-4, 3e-4), probe=2e-5, apart=_WARM)
-    # without a probe: what a log tells of the hull's temperature ends where samples are left out
+    # without a probe: a log shows the hull's temperature only up to where samples are left out
     expansion_lag: float = param(0.0, "s", "lag of the hull's temperature", bounds=(0.0, 7200.0))
     air: float = param(0.0, "m^3", "trapped air, at the surface", bounds=(0.0, 1e-3), probe=1e-5, apart=_SHALLOW)
     leak: float = param(0.0, "m^3/s", "leak rate", bounds=(0.0, 1e-6), probe=1e-9, apart=_LONG)
@@ -54,7 +54,7 @@ class DisplacementEffects:
 
 @dataclass(frozen=True)
 class PolarEffects:
-    """Errors of the polar, as shares of its coefficients."""
+    """Errors of the polar, relative to its coefficients."""
 
     growth: float = param(
         0.0, "1", "growth on the hull: relative change in drag", bounds=(-0.9, 10.0), probe=0.05, apart=_PACE
@@ -64,10 +64,10 @@ class PolarEffects:
 
 @dataclass(frozen=True)
 class GlideWaterEffects:
-    """The water: velocity down, an internal wave's heave, salinity that the CTD reads wrong, and stratification.
+    """The water: velocity down, an internal wave's heave, salinity error of the CTD, and stratification.
 
-    salinity: a fouled conductivity cell reads some tenths too low.  gradient: of the density, where it is assumed;
-    a density that was measured has it already.
+    salinity: a fouled conductivity cell reads some tenths too low.  gradient: of the density, if that is assumed; a
+    measured density already includes it.
     """
 
     current: float = param(
@@ -113,7 +113,7 @@ class GlideCompass:
 
 @dataclass(frozen=True)
 class GlideDepthSensor:
-    """Errors of the measured depth; in steady flight, its scale acts much as the drag does."""
+    """Errors of the measured depth; in steady flight, a scale error is similar to a drag error."""
 
     bias: float = param(0.0, "m", "depth sensor bias", bounds=(-100.0, 100.0), probe=0.1)
     scale: float = param(0.0, "1", "depth sensor scale error", bounds=(-0.5, 0.5), probe=0.02)
@@ -122,7 +122,7 @@ class GlideDepthSensor:
 
 @dataclass(frozen=True)
 class SteeringEffects:
-    """Trim that the static relation of a glider's masses leaves out; where attitude is an input, it has it already."""
+    """Trim missing in the static relation of a glider's masses; if attitude is an input, that includes it."""
 
     pitch: float = param(0.0, "rad", "pitch trim", bounds=(-0.5, 0.5), probe=0.01, apart=_BOTH)
     roll: float = param(0.0, "rad", "roll trim", bounds=(-0.5, 0.5), probe=0.01, apart=_TURNS)

@@ -1,7 +1,8 @@
-"""A glider that flies by its polar and is steered by its masses: attitude and turn follow, so that it needs no log.
+"""A glider that flies by its polar and is steered by its masses; attitude and turn follow, so no log is needed.
 
-The static relation of `Steering` with first-order lag and rate limits of what moves; steady flight, displacement and
-effects are those of `glide`.  Source of the turn by roll: Eriksen et al. 2001, IEEE J. Oceanic Eng. 26(4), 424-436.
+It uses the static relation of `Steering`, with first-order lag and rate limits of the actuators; steady flight,
+displacement and effects are those of `glide`.  Source of the turn by roll: Eriksen et al. 2001, IEEE J. Oceanic Eng.
+26(4), 424-436.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ from auv_gym.physics.sensors import deviation
 from auv_gym.vehicles.family import registered
 from auv_gym.vehicles.glide import FLATTEST, GLIDE, beyond, carry, flight_at, net_buoyancy
 
-# s: longest step, and that at the surface; m/s, fastest rise there, and one that does not count; steps between
+# s: longest step, and step at the surface; m/s: fastest rise there, and one that does not count; steps between
 _LONGEST, _AT_SURFACE, _CALM, _RISING, _KEPT = 60.0, 5.0, 0.5, 0.02, 2
-_STALL = 0.5  # rad of attack, beyond which the wings turn it no faster; chosen, twice the attack of a Seaglider
+_STALL = 0.5  # rad of attack; above this, the turn rate does not increase; assumed, twice the attack of a Seaglider
 
 
 @compiled
 def attitude(actuators, rising, p):
-    """True pitch and roll, rad, of a glider whose engine, battery and battery's angle stand where `actuators` says.
+    """True pitch and roll, rad, of a glider with its engine, battery and battery angle at `actuators`.
 
     rising: whether it climbs.
     """
@@ -53,19 +54,19 @@ def derivative(x, actuators, inputs, p, dx, scratch):
 
 @compiled
 def stable_step(x, inputs, p):
-    """The longest RK4 step, s, that does not take a rising glider out of the water."""
+    """The longest RK4 step, s, in which a rising glider does not leave the water."""
     return min(max(x[0] / (_KEPT * _CALM), _AT_SURFACE), _LONGEST) if x[1] < -_RISING else _LONGEST
 
 
 @compiled
 def enter(x, z):
-    """Integrated states from kept ones: a clock that starts with the sample joins them."""
+    """Convert kept states to integrated ones, by adding a clock that starts with the sample."""
     z[0], z[1], z[2], z[3], z[4], z[5], z[6] = x[0], x[1], x[2], x[3], x[4], x[5], 0.0
 
 
 @compiled
 def shape(inputs, memory, p, shaped):
-    """The engine's volume after its gain, all that moves within its stops, and the water's temperature, into shaped."""
+    """Write the engine's volume after its gain, actuators within their stops, and water temperature into shaped."""
     hull, steering = p.hull, p.steering
     rest, low, high = hull.engine_neutral, hull.engine_low, hull.engine_high
     gain = p.effects.engine.gain
@@ -93,7 +94,7 @@ def actuator_times(index, p):
 
 @compiled
 def output(x, actuators, sensors, p, y):
-    """Outputs [measured depth, north, east, roll, pitch, heading] into y."""
+    """Write the outputs [measured depth, north, east, roll, pitch, heading] into y."""
     depth, inclinometer = p.effects.depth, p.effects.inclinometer
     y[0] = x[0] + depth.scale * x[0] + sensors[0] + depth.bias
     y[1] = x[2]
@@ -105,7 +106,7 @@ def output(x, actuators, sensors, p, y):
 
 
 def _beyond(time: np.ndarray, columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """As of a glider whose attitude is an input; without a measured pitch, every sample is as steep as need be."""
+    """As for a glider with attitude as input; without a measured pitch, every sample counts as steep enough."""
     rate = np.gradient(columns["depth_m"], time) if time.size > 1 else np.zeros(time.size)
     assumed = np.where(rate > 0.0, -2.0 * FLATTEST, 2.0 * FLATTEST)
     return beyond(time, {"pitch_rad": assumed, **columns})

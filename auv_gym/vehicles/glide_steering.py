@@ -1,4 +1,4 @@
-"""How a glider's masses, fin and engine set its attitude and its turn: the numbers of a static relation."""
+"""The static relation from a glider's masses, fin and engine to its attitude and turn."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from auv_gym.param import param
 
 @dataclass(frozen=True)
 class Steering:
-    """Pitch, roll and turn of a glider that flies without a log, and what its pump costs.
+    """Pitch, roll and turn of a glider that flies without a log, and the energy of its pump.
 
     pitch = pitch + pitch_mass battery_position + pitch_engine engine volume, and roll = roll + roll_mass battery_roll.
-    It turns by speed (turn_roll attack sin(roll) + turn_rudder rudder), in rad/s: wings behind the middle push the
-    stern sideways when the glider is rolled.  All neutral: no such relation is known.
+    The turn rate is speed (turn_roll attack sin(roll) + turn_rudder rudder), rad/s: wings behind the middle push the
+    stern sideways when the glider is rolled.  All neutral: the relation is unknown.
     """
 
     pitch: float = param(0.0, "rad", "pitch with battery and engine at 0", bounds=(-10.0, 10.0))

@@ -1,4 +1,4 @@
-"""The heading of an underwater glider: yaw from a rudder and two tunnel thrusters.
+"""Heading dynamics of an underwater glider: yaw by a rudder and two tunnel thrusters.
 
 Source: Putri, Latifa, Trilaksono and Hidayat, "Modelling and Identification of Underwater Glider for Heading Angle
 Correction": equations (1), (2), (11), (14), (15).
@@ -62,7 +62,7 @@ GRAVITY = 9.81
 
 @compiled
 def yaw_inertia(hull):
-    """I_z - D5 N_rdot, kg m^2; the minus with a positive N_rdot is the paper's, kept as printed."""
+    """Yaw inertia I_z - D5 N_rdot, kg m^2; the minus with a positive N_rdot is printed so in the paper."""
     return hull.inertia - 0.5 * hull.density * hull.length**5 * hull.n_rdot
 
 
@@ -77,7 +77,7 @@ def linear_yaw_coefficients(hull):
 
 @compiled
 def yaw_rate(r, rudder, hull):
-    """Body yaw rate, rad/s, as a gyro reads it: r, and with (15) a rudder term as well."""
+    """Body yaw rate, rad/s, as a gyro measures it: r, and with (15) also a rudder term."""
     return r + hull.rudder_heading_rate * rudder
 
 
@@ -99,11 +99,11 @@ def stable_step(x, inputs, p):
 
 @compiled
 def derivative(x, actuators, inputs, p, dx, scratch):
-    """State derivative of [psi, r, north, east] into dx: equations (1), (2), (11), and (15) where its factors are set.
+    """State derivative of [psi, r, north, east] into dx: equations (1), (2), (11), and (15) if its factors are set.
 
-    inputs: [rudder_rad, F_t1 N, F_t2 N, u m/s, w m/s, q rad/s, theta rad, phi rad], held over a sample, so the term
-    m y_G du/dt of (11) vanishes. u is through the water along the body's axis; in (11) it acts as far as
-    `hull.speed_scaling` says.  Roll is zero in (11); the effect `yaw.roll_moment` is what a roll angle adds.
+    inputs: [rudder_rad, F_t1 N, F_t2 N, u m/s, w m/s, q rad/s, theta rad, phi rad], held over a sample, so the term m
+    y_G du/dt of (11) vanishes. u is through the water along the body's axis; `hull.speed_scaling` sets its influence in
+    (11).  Roll is zero in (11); the effect `yaw.roll_moment` adds the influence of a roll angle.
     Equations (1) and (2) are for a level glider; a pitched or rolled one moves and turns by the full rotation.
     """
     hull = p.hull
@@ -116,7 +116,7 @@ def derivative(x, actuators, inputs, p, dx, scratch):
     u_squared = hull.speed**2 + (hull.speed_scaling + yaw.speed_squared) * (u**2 - hull.speed**2)
     rudder_moment = d3 * u_squared * hull.n_delta * rudder
     weight_moment = GRAVITY * (hull.y_g * hull.mass - hull.y_b * hull.density * hull.volume)
-    if weight_moment != 0.0:  # the usual case is zero, without the trigonometry
+    if weight_moment != 0.0:  # the usual case is zero, without trigonometry
         weight_moment *= sin(inputs[6])
     moment = (
         linear_damping(inputs, p) * r
@@ -133,7 +133,7 @@ def derivative(x, actuators, inputs, p, dx, scratch):
     if any_term(found, N_YAW):
         moment += discovered_yaw_moment(found, psi, r, rudder, inputs)
     turning = yaw_rate(r, rudder, hull)
-    if inputs[6] == 0.0 and inputs[7] == 0.0:  # level, as where attitude was not measured: without the trigonometry
+    if inputs[6] == 0.0 and inputs[7] == 0.0:  # level, as without a measured attitude: without trigonometry
         north, east = u * cos(psi), u * sin(psi)
     else:
         north, east, _ = compiled_velocity_ned(u, 0.0, inputs[4], inputs[7], inputs[6], psi)
@@ -146,7 +146,7 @@ def derivative(x, actuators, inputs, p, dx, scratch):
 
 @compiled
 def shape(inputs, memory, p, shaped):
-    """The rudder command after its memoryless effects, backlash and stiction, into shaped; memory is updated."""
+    """Write the rudder command after its memoryless effects, backlash and stiction into shaped; updates memory."""
     shaped[0], memory[0] = shape_command(inputs[0], memory[0], p.hull.rudder_limit, p.effects.rudder)
 
 
@@ -159,9 +159,9 @@ def actuator_times(index, p):
 
 @compiled
 def sense(before, x, sensors, duration, p):
-    """Update of the sensors' states [compass lag error] after the vehicle went from `before` to `x`."""
+    """Update the sensors' states [compass lag error] after the vehicle went from `before` to `x`."""
     compass = p.effects.compass
-    if compass.lag <= 0.0:  # the usual case, without the trigonometry
+    if compass.lag <= 0.0:  # the usual case, without trigonometry
         sensors[0] = 0.0
         return
     change = x[0] + deviation(x[0], compass) - (before[0] + deviation(before[0], compass))
@@ -170,7 +170,7 @@ def sense(before, x, sensors, duration, p):
 
 @compiled
 def settle_sensors(x, actuators, sensors, p):
-    """Sensors' states of a level vehicle that has been turning at its present rate for long."""
+    """Set the sensors' states of a level vehicle that has turned at its present rate for long."""
     compass = p.effects.compass
     rate = yaw_rate(x[1], actuators[0], p.hull)
     change = deviation(x[0] + rate, compass) - deviation(x[0], compass) + rate
@@ -179,7 +179,7 @@ def settle_sensors(x, actuators, sensors, p):
 
 @compiled
 def output(x, actuators, sensors, p, y):
-    """Outputs [compass heading, yaw rate, north, east] into y."""
+    """Write the outputs [compass heading, yaw rate, north, east] into y."""
     y[0] = compass_reading(x[0], sensors[0], p.effects.compass)
     y[1] = yaw_rate(x[1], actuators[0], p.hull)
     y[2] = x[2]
@@ -187,7 +187,7 @@ def output(x, actuators, sensors, p, y):
 
 
 def inertia_problem(parameters: GliderParameters) -> str:
-    """What is wrong with the yaw inertia, or nothing."""
+    """The problem of the yaw inertia, or nothing."""
     hull = parameters.hull
     if hull.inertia <= 0.5 * hull.density * hull.length**5 * hull.n_rdot:
         return "hull.inertia minus the added inertia D5 N_rdot must be positive"

@@ -1,4 +1,4 @@
-"""What a log states of a glider: the constants of its operators' flight model."""
+"""Constants of a glider from a log: those of its operators' flight model."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from collections.abc import Mapping
 from math import degrees
 from typing import Any
 
-_LENGTH = 1.8  # m, of a Seaglider in the flight model, where the file does not say it (basestation3, glider_length)
-_POWER = -0.25  # hd_s of a Seaglider, where the file does not say it (Eriksen et al. 2001)
+_LENGTH = 1.8  # m, of a Seaglider in the flight model, if the file does not state it (basestation3, glider_length)
+_POWER = -0.25  # hd_s of a Seaglider, if the file does not state it (Eriksen et al. 2001)
 _DBAR = 1e4  # Pa
 
 
 def seaglider_constants(attrs: Mapping[str, Any]) -> dict[str, float]:
-    """Values of a glider's parameters by path, from the attributes of a Seaglider's dive; none without `sg_cal_mass`.
+    """A glider's parameters by path, from the attributes of a Seaglider's dive; empty without `sg_cal_mass`.
 
-    The volume with the engine at 0, its largest, is volmax less vbdbias; where the file does not say how the engine's
-    counts lie, its volume counts from the pilots' neutral one, and there the hull displaces mass / rho0.
+    The volume with the engine at 0, its largest, is volmax minus vbdbias.  If the file does not state the engine's
+    counts, its volume counts from the pilots' neutral one, at which the hull displaces mass / rho0.
     Source: basestation3 of APL-UW (MakeDiveProfiles.py: volmax, vbdbias, C_VBD, and the flight model's hd_a to hd_s).
     """
 

@@ -1,4 +1,4 @@
-"""The vertical motion of a profiling float that changes its volume by a piston or by an oil bladder.
+"""Vertical motion of a profiling float that changes its volume by a piston or an oil bladder.
 
 Source: Zhong, Yu, Bai, Zeng and Lian 2024, "Diving dynamics identification and motion prediction for marine crafts
 using field data", J. Ocean Eng. Sci. 9(4): equations (2) to (5).  Depth and vertical velocity are positive down.
@@ -24,8 +24,8 @@ class FloatHull:
     """Mass, drag and buoyancy engine; a float is neutral at `density` with its piston at `piston_neutral` and no oil.
 
     Equation (5) has M_z = mass + added_mass, D_z = drag_linear + drag_quadratic |w|, N_1 = -density g piston_area and
-    N_2 = -piston_square, about the neutral position. N_3, a force from the piston's speed, is left out: Table 1 has it
-    at 0.5 % s of N_1, less than a thousandth of the buoyancy at any piston's speed.
+    N_2 = -piston_square, about the neutral position. N_3, a force from the piston's speed, is omitted: in Table 1 it is
+    0.5 % s of N_1, less than a thousandth of the buoyancy at any piston speed.
     """
 
     density: float = param(1000.0, "kg/m^3", "water density at neutral trim", bounds=(900.0, 1100.0))
@@ -65,11 +65,11 @@ def moving_mass(hull):
 def heave(depth, time, water):
     """Velocity of the water down, m/s, and its acceleration, m/s^2, at a depth, m, and a time, s.
 
-    Of a steady current, which may grow with depth and is then accelerated along its way, and of an internal wave.
+    From a steady current, which may grow with depth and is then accelerated along its way, and from an internal wave.
     """
     growth = water.current_with_depth if depth > 0.0 else 0.0
     velocity, wave = water.current + growth * depth, 0.0
-    if water.heave_sin != 0.0 or water.heave_cos != 0.0:  # the usual case goes without the trigonometry
+    if water.heave_sin != 0.0 or water.heave_cos != 0.0:  # the usual case skips the trigonometry
         rate = 2.0 * pi / water.heave_period
         s, c = sin(rate * time), cos(rate * time)
         velocity += water.heave_sin * s + water.heave_cos * c
@@ -107,7 +107,7 @@ def lifting_volume(depth, unknown, piston, hull_temperature, time, inputs, p):
 
 @compiled
 def drag_coefficients(depth, p):
-    """Linear drag, kg/s, and quadratic drag, kg/m, with that of the tether paid out to this depth."""
+    """Linear drag, kg/s, and quadratic drag, kg/m, including the tether paid out to this depth."""
     hull, errors = p.hull, p.effects.drag
     quadratic = hull.drag_quadratic * (1.0 + errors.quadratic) + p.effects.tether.drag * max(depth, 0.0)
     return hull.drag_linear * (1.0 + errors.linear), quadratic
@@ -120,14 +120,14 @@ def steady_speed(force, linear, quadratic):
     return 2.0 * force / (linear + root) if root > 0.0 else 0.0
 
 
-_ABOVE = -5.0  # m; a pressure sensor may be a few metres wrong at the surface, not more
+_ABOVE = -5.0  # m; a pressure sensor may be wrong by a few metres at the surface, not more
 _MOST_OIL = 0.02  # m^3
-_FASTER = 0.2  # m/s that a float may gain while a step is kept
-_NEAR_SURFACE = 15.0  # m that it may rise meanwhile
+_FASTER = 0.2  # m/s that a float may accelerate before the step is evaluated again
+_NEAR_SURFACE = 15.0  # m that it may rise in that time
 _BLOCK = 4  # steps
 _AT_SURFACE = 2.0  # s, step at the surface of a float without inertia
-_FASTEST = 0.25  # m/s at which such a float may rise without passing the surface while a step is kept
-_RATE_LAG = 30.0  # s, with which its depth rate follows the balance; its depth does not wait for it
+_FASTEST = 0.25  # m/s at which such a float may rise without passing the surface before the step is evaluated again
+_RATE_LAG = 30.0  # s, with which the depth rate state follows the balance; the depth itself has no such lag
 
 
 @compiled
@@ -149,10 +149,10 @@ def derivative(x, actuators, inputs, p, dx, scratch):
     """State derivative of [depth, depth rate, unknown volume, time into the sample] into dx: equation (5).
 
     actuators: [piston m, hull temperature degC].  inputs: as in the family, held over a sample; the water's density is
-    taken as linear in depth around the depth at which it was read.
-    Water that accelerates carries the float with it: the added mass feels the water's acceleration, and so does the
-    water that the float displaces (Morison's inertia force; Faltinsen 1990, sec. 3.1).  With `quasi_steady` the
-    acceleration is zero: a float whose M/D is a second, sampled once in minutes, would be a stiff system otherwise.
+    linear in depth around the depth at which it was measured.
+    Accelerating water carries the float with it: the added mass and the displaced water both experience the water's
+    acceleration (Morison's inertia force; Faltinsen 1990, sec. 3.1).  With `quasi_steady` the acceleration is zero;
+    otherwise, a float whose M/D is a second, sampled once in minutes, would be a stiff system.
     """
     hull = p.hull
     time = inputs[4] + x[3]
@@ -180,13 +180,13 @@ def derivative(x, actuators, inputs, p, dx, scratch):
 
 @compiled
 def enter(x, z):
-    """Integrated states from kept ones: a clock that starts with the sample joins them."""
+    """Convert kept states to integrated ones, by adding a clock that starts with the sample."""
     z[0], z[1], z[2], z[3] = x[0], x[1], x[2], 0.0
 
 
 @compiled
 def shape(inputs, memory, p, shaped):
-    """Piston command after its memoryless effects, backlash and stiction, and the water's temperature, into shaped."""
+    """Write the piston command after memoryless effects, backlash and stiction, and water temperature, into shaped."""
     hull, piston = p.hull, p.effects.piston
     middle, half = 0.5 * (hull.piston_high + hull.piston_low), 0.5 * (hull.piston_high - hull.piston_low)
     position, last = shaped_command(
@@ -207,14 +207,14 @@ def actuator_times(index, p):
 
 @compiled
 def output(x, actuators, sensors, p, y):
-    """Outputs [measured depth, rate of change of the true depth] into y."""
+    """Write the outputs [measured depth, rate of change of the true depth] into y."""
     depth = p.effects.depth
     y[0] = x[0] + depth.scale * x[0] + sensors[0] + depth.bias
     y[1] = x[1]
 
 
 def piston_problem(parameters: FloatParameters) -> str:
-    """What is wrong with the piston's range, or nothing."""
+    """The problem of the piston's range, or nothing."""
     hull = parameters.hull
     if not hull.piston_low < hull.piston_high:
         return "hull.piston_low must be less than hull.piston_high"

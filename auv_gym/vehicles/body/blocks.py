@@ -1,7 +1,7 @@
-"""Masses that move in a body: their inertia, their inertial forces, and the jump with which they start and stop.
+"""Moving masses in a body: their inertia, their inertial forces, and the jump with which they start and stop.
 
-The functions are templates, see `compiled.bind`; `compose` binds them for vehicles that have such parts. The work array
-has, from SYSTEM on, a matrix (6, 6), row by row, a column (6,) and room for a solution.
+The functions are templates, see `compiled.bind`; `compose` binds them for vehicles with such parts. From index SYSTEM
+on, the work array has a matrix (6, 6), row by row, a column (6,), and room for a solution.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any
 from auv_gym.compiled import compiled
 from auv_gym.vehicles.body.dynamics import SYSTEM
 
-# Open names of the templates, bound by `compose`.
+# Placeholders in the templates, bound by `compose`.
 COUNT = COMMANDS = FIRST = ACTUATORS = RATES_AT = 0
 SLOT = ""
 load_blocks: Any
@@ -22,10 +22,10 @@ own: Any
 
 
 def accelerate_by_elimination(push, water, actuators, motion, p, dz, scratch):
-    """Accelerations of a body in which masses move, into dz.
+    """Accelerations of a body with moving masses, into dz.
 
-    push: the six forces on all of it but what the moving masses' inertia takes; water: acceleration of the water, in
-    body axes, m/s^2.
+    push: the six forces on the whole body, except the inertial forces of the moving masses; water: acceleration of the
+    water, in body axes, m/s^2.
     """
     fill_system(p, scratch)
     for i in range(6):
@@ -36,7 +36,7 @@ def accelerate_by_elimination(push, water, actuators, motion, p, dz, scratch):
 
 @compiled
 def fill_system(p, scratch):
-    """The mass matrix of the hull into the work array."""
+    """Write the mass matrix of the hull into the work array."""
     for i in range(6):
         for j in range(6):
             scratch[SYSTEM + 6 * i + j] = p.computed.mass[i, j]
@@ -44,7 +44,7 @@ def fill_system(p, scratch):
 
 @compiled
 def solve_system(scratch, solution):
-    """The solution, (6,), of the system in the work array, which is used up; by elimination without pivots.
+    """Solve the system in the work array, (6,), by elimination without pivoting; the system is destroyed.
 
     The matrix has a positive definite symmetric part, so that no pivot vanishes.
     """
@@ -64,7 +64,7 @@ def solve_system(scratch, solution):
 
 @compiled
 def add_mass(block, scratch):
-    """The inertia of a moving mass about the body's origin, added to the matrix.  Source: Fossen 2021, eq. (3.49)."""
+    """Add the inertia of a moving mass about the body's origin to the matrix.  Source: Fossen 2021, eq. (3.49)."""
     m, x, y, z = block.mass, block.x, block.y, block.z
     at = SYSTEM
     scratch[at] += m
@@ -95,12 +95,14 @@ def add_mass(block, scratch):
 
 @compiled
 def add_inertial_force(block, motion, water, scratch):
-    """What a moving mass takes beside its share of the accelerations: centrifugal, Coriolis and gyroscopic, and the
-    water's acceleration; subtracted from the column.  Source: Newton's and Euler's laws in turning axes.
+    """Subtract the inertial forces of a moving mass that do not depend on the body's acceleration from the column.
+
+    Centrifugal, Coriolis and gyroscopic forces, and that of the water's acceleration.  Source: Newton's and Euler's
+    laws in rotating axes.
     """
     u, v, w, p, q, r = motion.u, motion.v, motion.w, motion.p, motion.q, motion.r
     x, y, z = block.x, block.y, block.z
-    # velocity of the place, and of the mass against it twice
+    # velocity of the position, plus twice the mass's velocity relative to the body
     a, b, c = (
         u + q * z - r * y + 2.0 * block.v_x,
         v + r * x - p * z + 2.0 * block.v_y,
@@ -109,7 +111,7 @@ def add_inertial_force(block, motion, water, scratch):
     f1 = block.mass * (q * c - r * b + water[0])
     f2 = block.mass * (r * a - p * c + block.a_y + water[1])
     f3 = block.mass * (p * b - q * a + block.a_z + water[2])
-    # h = I (omega + spin e_x), which turns with the body, and I with the spin
+    # h = I (omega + spin e_x) rotates with the body, and I with the spin
     s, yy, zz, yz = block.spin, block.i_yy, block.i_zz, block.i_yz
     h1, h2, h3 = block.i_xx * (p + s), yy * q + yz * r, yz * q + zz * r
     i2, i3 = -2.0 * yz * q + (yy - zz) * r, 2.0 * yz * r + (yy - zz) * q
@@ -127,7 +129,7 @@ def add_inertial_force(block, motion, water, scratch):
 
 @compiled
 def add_momentum(block, sign, scratch):
-    """The momentum that a mass has because it moves in the body, added to the column, times a sign."""
+    """Add the momentum of a mass due to its motion in the body to the column, times a sign."""
     at, m = SYSTEM + 36, sign * block.mass
     p1, p2, p3 = m * block.v_x, m * block.v_y, m * block.v_z
     scratch[at] += p1
@@ -139,10 +141,10 @@ def add_momentum(block, sign, scratch):
 
 
 def kick(z, sensors, path, h, p, scratch):
-    """The rates of the actuators in a step of length h into path, and the jump of velocity that their change gives.
+    """Put the actuators' rates in a step of length h into path, and apply the jump of velocity from their change.
 
-    Momentum stays: what a mass gains as it starts, the vehicle loses. The rates before are the last of the sensors'
-    states, and are renewed.
+    Momentum is conserved: what a mass gains when it starts, the vehicle loses. The previous rates are the last of the
+    sensors' states, and are updated.
     """
     changed = False
     for j in range(ACTUATORS):
@@ -163,7 +165,7 @@ def kick(z, sensors, path, h, p, scratch):
 
 
 def load_blocks_of_kind(actuators, motion, water, p, scratch):
-    """The inertia and the inertial forces of the moving masses of one kind."""
+    """Add the inertia and the inertial forces of the moving masses of one kind."""
     parts, effects = getattr(p.parts, SLOT), getattr(p.effects.parts, SLOT)
     for i in range(COUNT):
         at = FIRST + i * COMMANDS
@@ -173,19 +175,19 @@ def load_blocks_of_kind(actuators, motion, water, p, scratch):
 
 
 def load_blocks_then(actuators, motion, water, p, scratch):
-    """Those of the kinds before, and of one more."""
+    """The same for the preceding kinds and one more."""
     before(actuators, motion, water, p, scratch)
     own(actuators, motion, water, p, scratch)
 
 
 @compiled
 def no_load(actuators, motion, water, p, scratch):
-    """The inertia of no moving mass."""
+    """No moving mass."""
     return
 
 
 def exchange_of_kind(path, p, scratch):
-    """The inertia of the moving masses of one kind, and the momentum that they lose at the start of a step."""
+    """Add the inertia of the moving masses of one kind, and the momentum that they lose at the start of a step."""
     parts, effects = getattr(p.parts, SLOT), getattr(p.effects.parts, SLOT)
     for i in range(COUNT):
         at = FIRST + i * COMMANDS
@@ -198,12 +200,12 @@ def exchange_of_kind(path, p, scratch):
 
 
 def exchange_then(path, p, scratch):
-    """Those of the kinds before, and of one more."""
+    """The same for the preceding kinds and one more."""
     before(path, p, scratch)
     own(path, p, scratch)
 
 
 @compiled
 def no_exchange(path, p, scratch):
-    """The momentum of no moving mass."""
+    """No moving mass."""
     return

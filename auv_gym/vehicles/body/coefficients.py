@@ -1,4 +1,4 @@
-"""The numbers of a hull and its parts: which fits free or doubt, which effects they are, and which are impossible."""
+"""Coefficients of a hull and its parts: which are free or uncertain, equivalent effects, impossible values."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ HULL_COEFFICIENTS = (
     *("hull.pitch.uw", "hull.pitch.uq", "hull.yaw.uv", "hull.yaw.ur"),
 )
 
-# likewise of a hull that thrusters move in all directions: its drag
+# the same for a hull that thrusters move in all directions: its drag
 DRAG_COEFFICIENTS = tuple(
     f"hull.{axis}.{term}"
     for axis, velocity in zip(_AXES, "uvwpqr", strict=True)
     for term in (velocity, f"{velocity}_{velocity}")
 )
 
-# the time in which drag stops a vehicle that hovers, s, and the speed from which its square does, m/s or rad/s
+# time in which drag stops a hovering vehicle, s, and speed for the same with quadratic drag, m/s or rad/s
 _STOPS_IN_S, _STOPS_FROM = 1.0, 0.3
 
-# of the hull, where coefficients are that a first fit does not free, but that are known no better
+# parts of the hull with coefficients that a first fit does not free, but that are equally uncertain
 _DOUBTED = ("i_xx", "i_yy", "i_zz", "added_mass.", *(f"{axis}." for axis in _AXES), "cross_flow.drag")
 
 
 def mass_problem(parameters: Any, derive: Callable[..., Any], record: np.dtype) -> str:
-    """What is wrong with the mass matrix, or nothing: its symmetric part must be positive definite."""
+    """The problem of the mass matrix, or nothing: its symmetric part must be positive definite."""
     numbers = np.zeros(record.itemsize // 8)
     derive(pack(parameters), numbers)
     computed = numbers.view(record)[0].computed
@@ -52,7 +52,7 @@ def mass_problem(parameters: Any, derive: Callable[..., Any], record: np.dtype) 
 
 
 def places_outside(parts: Sequence[Part], parameters: Any) -> list[str]:
-    """Words about parts that sit farther outside the hull than it is long, which a wrong unit makes them."""
+    """Warnings about parts farther outside the hull than its length, as after a wrong unit."""
     length, radius = parameters.hull.length, 0.5 * parameters.hull.diameter
     found = []
     for part_ in parts:
@@ -68,17 +68,17 @@ def places_outside(parts: Sequence[Part], parameters: Any) -> list[str]:
 
 
 def doubted_in(parts: Sequence[Part], parameters: Any) -> list[str]:
-    """The paths of all hydrodynamic coefficients and inertias that are not zero: what tables are off by."""
+    """The paths of all nonzero hydrodynamic coefficients and inertias, which published tables do not give exactly."""
     hull = [f"hull.{path}" for path in list_paths(parameters.hull) if path.startswith(_DOUBTED)]
     own = [f"parts.{part_.name}.{name}" for part_ in parts for name in part_.found.doubted]
     return [path for path in (*hull, *own) if value_at(parameters, path) != 0.0]
 
 
 def unstated_drag(parameters: Any) -> dict[str, float]:
-    """The standard deviation, by path, of each drag coefficient that is zero, of a vehicle that hovers.
+    """The standard deviation, by path, of each drag coefficient that is zero, for a vehicle that hovers.
 
-    So much that an axis comes to rest within a second, mass and added mass over 1 s, or from 0.3 m/s or rad/s with the
-    square: as fast as such vehicles do.  Without it, a fit would take any drag for an axis that no sensor measures.
+    It lets an axis come to rest within a second (mass and added mass over 1 s), or from 0.3 m/s or rad/s for quadratic
+    drag, as fast as such vehicles do.  Without it, a fit could give any drag to an axis that no sensor measures.
     """
     hull, added = parameters.hull, parameters.hull.added_mass
     masses = (
@@ -92,7 +92,7 @@ def unstated_drag(parameters: Any) -> dict[str, float]:
 
 
 def coefficients_of(parts: Sequence[Part], parameters: Any) -> dict[str, tuple[str, Callable[[float, float], float]]]:
-    """The effects that do nothing but change one coefficient of a vehicle with these parameters; see `Family`."""
+    """The effects that only change one coefficient of a vehicle with these parameters; see `Family`."""
 
     def scaled(given: float, size: float) -> float:
         return given * (1.0 + size)
@@ -115,7 +115,7 @@ def coefficients_of(parts: Sequence[Part], parameters: Any) -> dict[str, tuple[s
 
 
 def part_problem(parts: Sequence[Part], parameters: Any) -> str:
-    """What is impossible about the numbers of a part, or nothing."""
+    """The problem with the numbers of a part, or nothing."""
     for part_ in parts:
         own, kind = getattr(parameters.parts, part_.name), part_.found
         found = kind.problem(own) or kind.problem_with_hull(own, parameters.hull)

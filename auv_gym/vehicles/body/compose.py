@@ -1,8 +1,8 @@
-"""The family of a vehicle in six degrees of freedom: a hull and the parts that its file names.
+"""The family of a vehicle in six degrees of freedom: a hull and the parts named in its file.
 
-Parts of one kind lie side by side in the parameters, so that compiled code sees them as an array of records; how many
-there are is a constant of that code. What depends on the kinds is bound pairwise, a chain with a link for each kind,
-and cached by the counts: two vehicles with as many parts of the same kinds share their code.
+Parts of one kind are adjacent in the parameters, so that compiled code sees an array of records; their number is a
+constant of that code. Code that depends on the kinds is bound pairwise, as a chain with a link for each kind, and
+cached by the counts: vehicles with the same numbers of parts of each kind share their code.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ OUTPUTS = (
     *("u_mps", "v_mps", "w_mps", "u_dvl_mps", "v_dvl_mps", "w_dvl_mps", "north_m", "east_m", "depth_m"),
 )
 _SPEEDS = STATES[:3]
-_HOVERING = (*_SPEEDS, "p_radps", "q_radps", "roll_rad", "pitch_rad")  # what commands move from rest
+_HOVERING = (*_SPEEDS, "p_radps", "q_radps", "roll_rad", "pitch_rad")  # states that commands move from rest
 
 
 def compose(parts: Sequence[Part]) -> Family:
-    """The family of a hull with these parts; the same object for the same parts, in whatever order they come.
+    """The family of a hull with these parts; the same object for the same parts, in any order.
 
-    Raises ValueError on an unknown kind, on names that are taken twice or reserved, and on channels taken twice.
+    Raises ValueError for an unknown kind, for duplicate or reserved names, and for duplicate channels.
     """
     ordered = sorted(parts, key=lambda part: (part.found.order, part.found.slot))
     for part_ in ordered:
@@ -81,7 +81,7 @@ def _check(part_: Part, among: Sequence[Part]) -> None:
 
 @dataclass(frozen=True)
 class _Slot:
-    """The parts that share compiled code: their kind, how many they are, and the index of the first's first command."""
+    """The parts that share compiled code: their kind, their number, and the index of the first one's first command."""
 
     name: str
     kind: PartKind
@@ -180,7 +180,7 @@ def _composed(parts: tuple[Part, ...]) -> Family:
 
 
 def _at_rest(hovers: bool) -> dict[str, tuple[str, ...]]:
-    """The states that come to rest, and what tells them: roll; of a vehicle that hovers, pitch and velocity as well."""
+    """The states that come to rest, and the channels that show them: roll; for hovering, also pitch and velocity."""
     roll, pitch = ("roll_rad", "p_radps"), ("pitch_rad", "q_radps")
     found: dict[str, tuple[str, ...]] = dict.fromkeys(roll, roll)
     track = ("north_m", "east_m")
@@ -197,7 +197,7 @@ def _moves(slots: Sequence[_Slot]) -> bool:
 
 
 def _tree(parts: tuple[Part, ...]) -> type:
-    """The parameter tree: hull, parts by name, effects of the parts by name and of the body."""
+    """The parameter tree: hull, parts by name, effects of the parts by name, and effects of the body."""
 
     def group(name: str, members: Sequence[tuple[str, type, Any]], doc: str) -> type:
         def reduced(self: Any) -> Any:
@@ -219,7 +219,7 @@ def _tree(parts: tuple[Part, ...]) -> type:
 
 
 def _unpacked(parts: tuple[Part, ...], name: str, numbers: bytes) -> Any:
-    """What pickle makes of a tree of a composed vehicle."""
+    """Unpickle the parameter tree of a composed vehicle."""
     tree = _composed(parts).parameters()
     made = {"Parts": tree.parts, "Effects": tree.effects, "Parameters": tree}[name]
     values = iter(np.frombuffer(numbers))
@@ -235,7 +235,7 @@ def _unpacked(parts: tuple[Part, ...], name: str, numbers: bytes) -> Any:
 
 
 def _record(slots: Sequence[_Slot]) -> np.dtype:
-    """The record that compiled code sees: the tree with the parts of a kind as an array, then what is derived."""
+    """The record for compiled code: the tree with an array of the parts of each kind, then the derived numbers."""
 
     def arrays(group: Callable[[PartKind], np.dtype]) -> np.dtype:
         return _record_of([(slot.name, group(slot.kind), (len(slot.parts),)) for slot in slots])
@@ -296,7 +296,7 @@ def _hooks(
         ELAPSED=elapsed,
         forces_with_hull=chain(*forces, with_hull),
         forces_of_drives=chain(*forces, others),
-        # a call, so that the usual step is short
+        # a function call, so that the usual step stays short
         forces_in_wakes=bind(sums.wake_forces, program, inline=False, wakes=wakes, in_wake=in_wake),
         accelerate=bind(blocks.accelerate_by_elimination, program, load_blocks=loads)
         if moves

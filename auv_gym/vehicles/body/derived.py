@@ -1,7 +1,7 @@
-"""What follows from the parameters of a vehicle in six degrees of freedom alone, worked out once and not in every step.
+"""Numbers that depend only on a body's parameters, computed once instead of in every step.
 
-The compiled functions of the family read parameters and derived numbers as one record, `view(derived)`; what parts it
-has differs from vehicle to vehicle, `compose` says how. `derive` and `hand_on` are templates, see `compiled.bind`.
+The compiled functions of the family read parameters and derived numbers as one record, `view(derived)`; its parts
+differ between vehicles, see `compose`. `derive` and `hand_on` are templates, see `compiled.bind`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from auv_gym.compiled import compiled, outlined
 from auv_gym.physics.polynomials import ENVIRONMENT_TERMS, TERMS
 from auv_gym.physics.rigid_body import fill_rigid_body_mass, invert
 
-# Open names of the template, bound by `compose`.
+# Placeholders in the template, bound by `compose`.
 N_PARAMETERS = N_DERIVED = ACTUATORS = 0
 writable_view: Any
 derive_parts: Any
@@ -23,10 +23,11 @@ damp_by_parts: Any
 wakes: Any
 
 N_TERMS = len(TERMS)
-# What damping errors scale: linear terms, a|a|, and the lift and damping that go with u; not a b, which are inertial.
+# Terms scaled by damping errors: linear terms, a|a|, and lift and damping proportional to u; not a b, which are
+# inertial.
 _DAMPING = tuple(1.0 if len(t) == 1 or "_" in t or t[0] == "u" else 0.0 for t in TERMS)
 DAMPING_TERMS = tuple(term for term, scales in zip(TERMS, _DAMPING, strict=True) if scales)
-# What fouling scales: drag proper, without lift.
+# Terms scaled by fouling: drag proper, without lift.
 _DRAG = tuple(1.0 if len(t) == 1 or "_" in t else 0.0 for t in TERMS)
 
 COMPUTED = np.dtype(
@@ -35,11 +36,11 @@ COMPUTED = np.dtype(
         [
             ("mass", np.float64, (6, 6)),
             ("inverse_mass", np.float64, (6, 6)),
-            ("momentum", np.float64, (6, 6)),  # M_RB and the share of M_A whose Coriolis forces are added
+            ("momentum", np.float64, (6, 6)),  # M_RB and the part of M_A whose Coriolis forces are added
             ("rigid_mass", np.float64, (6, 6)),
-            ("coefficients", np.float64, (6 * N_TERMS,)),  # those of the polynomials that are not zero, axis by axis
-            ("terms", np.uint64, (6 * N_TERMS,)),  # of each, the index in what `fill_terms` gives
-            ("ends", np.uint64, (7,)),  # where the coefficients begin, and where each axis's end
+            ("coefficients", np.float64, (6 * N_TERMS,)),  # the nonzero polynomial coefficients, axis by axis
+            ("terms", np.uint64, (6 * N_TERMS,)),  # for each, the index in the result of `fill_terms`
+            ("ends", np.uint64, (7,)),  # where the coefficients begin, and where those of each axis end
             ("environment", np.float64, (len(ENVIRONMENT_TERMS), 6)),
             (
                 "damping",
@@ -61,7 +62,7 @@ COMPUTED = np.dtype(
             ("has_waves", np.float64),
             ("has_tether", np.float64),
             ("has_wake", np.float64),
-            ("learned", np.float64),  # length of the table of a learned hull, which follows in the vector, or 0
+            ("learned", np.float64),  # length of a learned hull's table, which follows in the vector, or 0
         ],
     )
 )
@@ -69,7 +70,7 @@ COMPUTED = np.dtype(
 
 @outlined
 def fill_added_mass(added, matrix):
-    """M_A = -[derivatives] into matrix, shape (6, 6); zero where the tree has no such derivative."""
+    """Write M_A = -[derivatives] into matrix, shape (6, 6); zero where the tree has no such derivative."""
     for i in range(6):
         for j in range(6):
             matrix[i, j] = 0.0
@@ -128,14 +129,14 @@ def hull_coefficient(hull, i, k):
 
 @outlined
 def fill_mass(p, matrix, rigid, momentum):
-    """M_RB + M_A into matrix, M_RB into rigid, and M_RB with the M_A whose Coriolis forces are added into momentum."""
+    """Write M_RB + M_A into matrix, M_RB into rigid, and M_RB plus the M_A with added Coriolis forces into momentum."""
     hull, load = p.hull, p.effects.load
     density = 1.0 + p.effects.water.density
     mass = hull.mass + load.payload
     x, y, z = hull.x_g + load.x_g, hull.y_g + load.y_g, hull.z_g + load.z_g
     fill_rigid_body_mass(mass, x, y, z, hull, rigid)
-    # about the centre of gravity the inertia stays what it was: fixed about the origin, a shift of some centimetres
-    # would leave a slender hull no roll inertia
+    # keep the inertia about the centre of gravity: if it were fixed about the origin, a shift of a few centimetres
+    # would leave a slender hull without roll inertia
     xx = mass * x * x - hull.mass * hull.x_g * hull.x_g
     yy = mass * y * y - hull.mass * hull.y_g * hull.y_g
     zz = mass * z * z - hull.mass * hull.z_g * hull.z_g
@@ -164,7 +165,7 @@ def fill_mass(p, matrix, rigid, momentum):
 
 @outlined
 def without_given_momentum(hull, momentum):
-    """Takes from momentum, in place, what it is without effects."""
+    """Subtract the momentum without effects from momentum, in place."""
     added, rigid = np.empty((6, 6)), np.empty((6, 6))
     fill_rigid_body_mass(hull.mass, hull.x_g, hull.y_g, hull.z_g, hull, rigid)
     fill_added_mass(hull.added_mass, added)
@@ -175,15 +176,15 @@ def without_given_momentum(hull, momentum):
 
 
 def hand_on(vector, derived):
-    """As `derive`, which Python and compiled code would each compile whole."""
+    """Call `derive`; Python and compiled code would otherwise each compile it completely."""
     derive(vector, derived)
 
 
 def derive(vector, derived):
-    """The parameters and what follows from them alone into derived, shape (N_DERIVED,): masses, active terms, flags.
+    """Write the parameters and their consequences (masses, active terms, flags) into derived, shape (N_DERIVED,).
 
-    What vector is longer than the parameters is a learned hull's table, and derived is longer by the same. Effects then
-    change it by what they change in the forces of the given hull, Coriolis forces included.
+    If vector is longer than the parameters, the rest is a learned hull's table, and derived is longer by the same.
+    Effects then change the learned forces by their change of the given hull's forces, including Coriolis forces.
     """
     for i in range(N_PARAMETERS):
         derived[i] = vector[i]
@@ -213,7 +214,7 @@ def derive(vector, derived):
             acting = value - kept * given
             if acting != 0.0:
                 computed.coefficients[count] = acting
-                # published for u > 0: damping of the axis's own velocity goes with |u|, or it would drive it astern
+                # published for u > 0: damping of the axis's own velocity uses |u|; otherwise it would drive it astern
                 computed.terms[count] = N_TERMS + i - 1 if i > 0 and k == 16 + i else k
                 count += 1
             own = abs(computed.inverse_mass[i, i] * value)
@@ -234,7 +235,7 @@ def derive(vector, derived):
     computed.density = density
     fouling = 1.0 + effects.hull.fouling
     flow = hull.cross_flow
-    # the damping errors of sway and heave are those of C_dy and C_dz, which weigh in both forces
+    # the damping errors of sway and heave apply to C_dy and C_dz, which both enter both forces
     computed.cross_y = (fouling * (1.0 + effects.hull.damping_sway) - kept / density) * flow.drag_y * flow.height
     computed.cross_z = (fouling * (1.0 + effects.hull.damping_heave) - kept / density) * flow.drag_z * flow.breadth
     computed.has_cross_flow = 1.0 if computed.cross_y != 0.0 or computed.cross_z != 0.0 else 0.0

@@ -3,10 +3,10 @@
     M dnu/dt = -C(nu) nu + polynomials(nu) + cross-flow drag + parts + weight and buoyancy + loads
 
 nu = [u v w p q r] is the velocity through the water, so that a steady current only moves the frame. States between
-samples are [nu | north east depth | roll pitch heading | wave phase]; inside a sample the attitude is a quaternion, and
-a vehicle may pitch through 90 deg.  Source: Fossen 2021, eqs. (6.1), (8.1), (10.150).
+samples are [nu | north east depth | roll pitch heading | wave phase]; inside a sample the attitude is a quaternion, so
+that a vehicle may pitch through 90 deg.  Source: Fossen 2021, eqs. (6.1), (8.1), (10.150).
 
-`derivative` is a template: what parts a vehicle has is bound by `compose`, from `sums` and `blocks`.
+`derivative` is a template: `compose` binds the vehicle's parts, from `sums` and `blocks`.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from auv_gym.vehicles.body.kinds import Motion
 from auv_gym.vehicles.body.learned_hull import ROOM, learned_forces
 
 SYSTEM = N_TERMS + 5 + ROOM
-SCRATCH = SYSTEM + 48  # numbers that a derivative works with
+SCRATCH = SYSTEM + 48  # size of a derivative's work array
 
-# Open names of the template, bound by `compose`.
-ELAPSED = -1  # which input is the time since the log began, or -1
+# Placeholders in the template, bound by `compose`.
+ELAPSED = -1  # index of the input with the time since the log began, or -1
 forces_with_hull: Any
 forces_of_drives: Any
 forces_in_wakes: Any
@@ -36,7 +36,7 @@ accelerate: Any
 
 @compiled
 def stable_step(z, inputs, p):
-    """The longest RK4 step, s, that keeps the quickest motion stable, with a margin of two in the limit of 2.78."""
+    """The longest RK4 step, s, that keeps the fastest motion stable, with a margin of two in the limit of 2.78."""
     rates = p.computed.damping
     u = abs(z[0])
     quickest = 1e-12
@@ -47,7 +47,7 @@ def stable_step(z, inputs, p):
 
 @compiled
 def fill_terms(u, v, w, p, q, r, terms):
-    """The values of TERMS at these velocities, then |u| [v w p q r], into terms, shape (N_TERMS + 5,)."""
+    """Write the values of TERMS at these velocities, then |u| [v w p q r], into terms, shape (N_TERMS + 5,)."""
     terms[0], terms[1], terms[2], terms[3], terms[4], terms[5] = u, v, w, p, q, r
     terms[6], terms[7], terms[8] = u * abs(u), v * abs(v), w * abs(w)
     terms[9], terms[10], terms[11] = p * abs(p), q * abs(q), r * abs(r)
@@ -62,7 +62,7 @@ def fill_terms(u, v, w, p, q, r, terms):
 
 @compiled
 def polynomial(computed, start, end, terms):
-    """The sum of one axis's coefficients, which stand from start to end, times their terms."""
+    """The sum of one axis's coefficients, from start to end, times their terms."""
     total = 0.0
     for i in range(start, end):
         total += computed.coefficients[i] * terms[computed.terms[i]]
@@ -73,9 +73,10 @@ def polynomial(computed, start, end, terms):
 def moving_water(north, east, down, depth, phase, p, r11, r12, r13, r21, r22, r23, r31, r32, r33):
     """Velocity over ground with shear and waves, m/s, rate of the waves' phase, their acceleration, and its six forces.
 
-    north, east, down: the velocity without them.  The vehicle moves through water whose velocity it sees change, which
-    takes M_RB times that change; and where the water itself accelerates, its pressure gradient pushes as it would push
-    the water displaced.  Source: Fossen 2021, sec. 10.3; Faltinsen 1990, ch. 3 (Froude-Krylov force, long waves).
+    north, east, down: the velocity without shear and waves.  The vehicle moves through water of varying velocity, which
+    takes M_RB times the variation; in addition, where the water accelerates, its pressure gradient pushes the vehicle
+    like the water that it displaces.  Source: Fossen 2021, sec. 10.3; Faltinsen 1990, ch. 3 (Froude-Krylov force, long
+    waves).
     """
     hull, current, computed = p.hull, p.effects.current, p.computed
     below = depth - current.reference_depth
@@ -94,7 +95,7 @@ def moving_water(north, east, down, depth, phase, p, r11, r12, r13, r21, r22, r2
         wavenumber = omega * omega / hull.gravity
         encounter = omega - wavenumber * (north * c_dir + east * s_dir)
         decay = wavenumber * down if depth > 0.0 else 0.0
-        # the water's acceleration as the vehicle meets it, and at a fixed point, where the pressure gradient is
+        # the water's acceleration as met by the vehicle, and at a fixed point, for the pressure gradient
         a_along = -encounter * sinking - decay * along
         a_down = encounter * along - decay * sinking
         push_along, push_down = -omega * sinking, omega * along
@@ -128,13 +129,13 @@ def moving_water(north, east, down, depth, phase, p, r11, r12, r13, r21, r22, r2
 def derivative(z, actuators, inputs, p, dz, terms):
     """State derivative of [u v w p q r | north east depth | quaternion | wave phase] into dz.
 
-    actuators: where the parts' commands have moved them.  terms: scratch, shape (SCRATCH,).
+    actuators: positions of the parts' actuators.  terms: scratch, shape (SCRATCH,).
     """
     u, v, w, roll_rate, q, r = z[0], z[1], z[2], z[3], z[4], z[5]
     hull, effects, computed = p.hull, p.effects, p.computed
     r11, r12, r13, r21, r22, r23, r31, r32, r33 = rotation_of(z[9], z[10], z[11], z[12])
 
-    # Contributions are kept apart and added in pairs at the end: one long sum would be a chain of waits.
+    # Contributions are added in pairs at the end: one long sum would be a chain of dependent additions.
     fill_terms(u, v, w, roll_rate, q, r, terms)
     x_hull = polynomial(computed, computed.ends[0], computed.ends[1], terms)
     y_hull = polynomial(computed, computed.ends[1], computed.ends[2], terms)
@@ -251,7 +252,7 @@ def derivative(z, actuators, inputs, p, dz, terms):
 
 @compiled
 def enter(x, z):
-    """States as they are kept, with Euler angles, into states as they are integrated, with a quaternion."""
+    """Convert states with Euler angles, as kept between samples, to integrated states with a quaternion."""
     for i in range(9):
         z[i] = x[i]
     z[9], z[10], z[11], z[12] = quaternion_of(x[9], x[10], x[11])
@@ -260,7 +261,7 @@ def enter(x, z):
 
 @compiled
 def leave(z, x):
-    """Integrated states back into kept ones, in place; angles go on from those in x without a jump of a turn."""
+    """Convert integrated states back to kept ones, in place; angles continue from those in x without jumps by turns."""
     for i in range(9):
         x[i] = z[i]
     r11, r12, r13, r21, r22, r23, r31, _, _ = rotation_of(z[9], z[10], z[11], z[12])
@@ -273,7 +274,7 @@ def leave(z, x):
 
 @compiled
 def accelerate_by_inverse(push, water, actuators, motion, p, dz, scratch):
-    """Accelerations of a body whose masses do not move, into dz; push: the six forces."""
+    """Accelerations of a body without moving masses, into dz; push: the six forces."""
     x_force, y_force, z_force, k_moment, m_moment, n_moment = push
     i = p.computed.inverse_mass
     for k in range(6):

@@ -1,4 +1,4 @@
-"""What a vehicle file says of the parts of a body in words: their kinds, forms, channels and curves."""
+"""Parts of a body in a vehicle file's words: their kinds, forms, channels and curves."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from auv_gym.vehicles.family import Family
 
 
 def parse_part_tables(content: Mapping[str, Any]) -> tuple[Family, dict[str, Any]]:
-    """The family of a file's parts, and the content with numbers only; raises ValueError on what does not fit."""
+    """The family of a file's parts, and the content as numbers only; raises ValueError for inconsistent content."""
     tables = content.get("parts", {})
     found, numbers = [], {}
     for name, table in tables.items():
@@ -57,7 +57,7 @@ def _part(name: str, table: Mapping[str, Any]) -> tuple[Part, dict[str, Any]]:
 
 
 def parts_text(body: Body | None) -> dict[str, list[str]]:
-    """The lines that open the table of each part, by the table's name."""
+    """The first lines of each part's table, by the table's name."""
     said = {}
     for part_ in body.parts if body else ():
         lines = [f"kind = {json.dumps(part_.kind)}"]

@@ -16,7 +16,7 @@ from auv_gym.physics.polynomials import ForceTerms, MomentTerms
 
 @dataclass(frozen=True)
 class AddedMass:
-    """The hydrodynamic derivatives in acceleration; measured sets need not be symmetric."""
+    """The hydrodynamic derivatives with respect to acceleration; measured sets need not be symmetric."""
 
     x_udot: float = param(0.0, "kg", "added mass X_udot", bounds=(-1e7, 0.0))
     x_vdot: float = param(0.0, "kg", "added mass X_vdot", bounds=(-1e7, 1e7))
@@ -42,7 +42,7 @@ class AddedMass:
 class CrossFlow:
     """Cross-flow drag of a hull of constant section, integrated over strips; both coefficients zero: none.
 
-    Where the flow has both parts, both coefficients weigh in both forces, by the squares of the flow's parts.
+    In oblique cross flow, both coefficients enter both forces, weighted by the squares of the flow's components.
     """
 
     drag_y: float = param(0.0, "1", "cross-flow drag coefficient, sway", bounds=(0.0, 5.0))
@@ -55,9 +55,9 @@ class CrossFlow:
 class Hull:
     """Mass, geometry and hydrodynamic coefficients of a vehicle in six degrees of freedom, about the body origin.
 
-    i_xy, i_yz, i_xz are the products of inertia, integrals of x y dm: they enter the inertia tensor with a minus.
-    coriolis_of_added_mass: 1 adds C_A(v) v built from the symmetric part of the added mass; 0 where the polynomials,
-    reduced from captive tests or from a table that lists these terms, hold it already.
+    i_xy, i_yz, i_xz are the products of inertia, integrals of x y dm: they enter the inertia tensor with a minus sign.
+    coriolis_of_added_mass: 1 adds C_A(v) v built from the symmetric part of the added mass; 0 if the polynomials
+    already include it, as when they come from captive tests or from a table that lists these terms.
     """
 
     density: float = param(1025.0, "kg/m^3", "water density of the coefficients", bounds=(900.0, 1100.0))

@@ -1,7 +1,7 @@
-"""What a kind of part is, and where the kinds are found.
+"""Kinds of part, and the registry that finds them.
 
-A kind is one module with one `KIND`. The package `parts` holds those that come with auv-gym; a distribution adds its
-own by an entry point of the group `auv_gym.parts` that names a `PartKind`, a script by `register_part`.
+A kind is one module with one `KIND`. The package `parts` has those of auv-gym; a distribution adds its own by an entry
+point of the group `auv_gym.parts` that names a `PartKind`, a script by `register_part`.
 """
 
 from __future__ import annotations
@@ -19,17 +19,18 @@ import numpy as np
 from auv_gym.compiled import compiled
 from auv_gym.param import did_you_mean
 
-# No force: x + -0.0 is x in all bits, and so a compiler leaves the sum out, which it must not with 0.0.
+# No force: x + -0.0 equals x bit for bit, so that a compiler may omit the sum, unlike with 0.0.
 NONE = -0.0
 Role = Literal["", "yaw", "pitch", "surge"]
 Inside = Literal["", "volume", "slide", "turn"]
 
 
 class Motion(NamedTuple):
-    """What the force of a part may depend on; all velocities through the water, in body axes, m/s and rad/s.
+    """The quantities that a part's force may depend on; all velocities through the water, in body axes, m/s and rad/s.
 
     density: of the water over that of the coefficients; water: the same in kg/m^3.  gravity: m/s^2.  depth: m.
-    r11 to r33: the rotation from body axes to north, east, down.  sag: V, by which the supply is lower than stated.
+    r11 to r33: the rotation from body axes to north, east, down.  sag: V, by which the supply is below its stated
+    value.
     """
 
     u: float
@@ -55,10 +56,10 @@ class Motion(NamedTuple):
 
 
 class Block(NamedTuple):
-    """A mass that moves in the body: what it is, where, and how it moves there; body axes, about the body's origin.
+    """A mass that moves in the body, with its position and motion; body axes, about the body's origin.
 
-    mass: kg.  x, y, z: its centre, m; v_*: its velocity, m/s, and a_*: acceleration, m/s^2, as seen from the body.
-    spin: rate of its turning about x, rad/s.  i_*: inertia about its own centre, kg m^2; i_yz enters with a plus, as an
+    mass: kg.  x, y, z: its centre, m; v_*: its velocity, m/s, and a_*: acceleration, m/s^2, relative to the body.
+    spin: rate of its rotation about x, rad/s.  i_*: inertia about its own centre, kg m^2; i_yz has a plus sign, as an
     element of the inertia tensor.
     """
 
@@ -82,12 +83,12 @@ class Block(NamedTuple):
 class Command:
     """An input of a part.
 
-    suffix: of its channel, which is the part's name and this; or channel, or what the file names.  role: what
-    autopilots and environments use it for: "yaw", "pitch", "surge".  limits: from the part's parameters, the lowest and
-    the highest command, in the channel's unit.  rest: the parameter that is the command at which the part rests; it
-    rests at `idle` without one.  required: whether a record must have it; one that may lack is at rest.  design: the
-    parameter that is the command at the design speed.  inside: what it moves in the hull rather than in the water: the
-    volume that the vehicle displaces, or a mass that slides or turns.
+    suffix: of its channel, which is the part's name plus this suffix, or a channel given explicitly or in the file.
+    role: its use by autopilots and environments: "yaw", "pitch", "surge".  limits: function from the part's parameters
+    to the lowest and highest command, in the channel's unit.  rest: the parameter with the resting command; without
+    one, it rests at `idle`.  required: whether a record must have it; a missing optional input is at rest.  design: the
+    parameter with the command at the design speed.  inside: what it moves inside the hull: the displaced volume, or a
+    mass that slides or turns.
     """
 
     suffix: str
@@ -108,7 +109,7 @@ class Sketch(NamedTuple):
 
 
 def blades(x: float, y: float, z: float, half_chord: float, span: float, axis: Role) -> Sketch:
-    """A pair of fins about a place, m: upright ones, with axis "yaw", or level ones."""
+    """A pair of fins about a position, m: vertical with axis "yaw", otherwise horizontal."""
     corners = ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
     upright = axis == "yaw"
     return Sketch(
@@ -118,13 +119,13 @@ def blades(x: float, y: float, z: float, half_chord: float, span: float, axis: R
 
 @compiled
 def force_at(x, y, z, at_x, at_y, at_z):
-    """A force, N, with its moment about the origin, N m, as a part returns it; at_*: where it acts, m."""
+    """A force, N, with its moment about the origin, N m, in a part's return format; at_*: point of action, m."""
     return x, y, z, at_y * z - at_z * y, at_z * x - at_x * z, at_x * y - at_y * x
 
 
 @compiled
 def no_shape(command, memory, part, effects, index):
-    """The command as it is, of a part without an actuator."""
+    """The unchanged command, for a part without an actuator."""
     return command, command
 
 
@@ -157,36 +158,39 @@ class PartKind:
     `part`, `effects` and `derived` are the records of one part of the kind; `at` is the index of its first actuator.
 
     force(at, actuators, inputs, shared, motion, part, effects, derived): a tuple of X, Y, Z in N and K, M, N in N m
-        about the body's origin, `NONE` where there is none; shared: index in inputs of the first of `shared`.
-    shape(command, memory, part, effects, index): a command after its effects that take no time, and the memory.
+        about the body's origin, `NONE` for no force; shared: index in inputs of the first of `shared`.
+    shape(command, memory, part, effects, index): a command after its instantaneous effects, and the memory.
     times(part, effects, index): dead time, s, lag, s, slowness, s per unit, of command `index`.
-    derive(part, effects, hull, derived): fills the numbers named in `numbers`, which do not change in a run.
-    wake(at, actuators, u, part, effects): what a propeller adds to the flow behind it, m/s, at the speed u; of one that
-        has a wake it is not 0 at u = 1 and rest, see `physics.propulsion.slipstream_speed`.
-    in_wake(at, actuators, wake, motion, part, effects): what the wakes of all propellers, m/s, add to the part's force.
+    derive(part, effects, hull, derived): fills the numbers listed in `numbers`, which do not change in a run.
+    wake(at, actuators, u, part, effects): the speed that a propeller adds to the flow behind it, m/s, at the speed u;
+    if
+        it has a wake, this is not 0 at u = 1 and rest, see `physics.propulsion.slipstream_speed`.
+    in_wake(at, actuators, wake, motion, part, effects): the force that the wakes of all propellers, m/s, add to the
+    part's.
     block(at, rates_at, actuators, part, effects): a mass that moves in the body, as a `Block`; rates_at: index of the
-        first rate of its actuators, which lie behind their positions.
-    damping(part, effects, derived, water, inverse_mass, rates): adds to rates, (6, 4), by how much each velocity falls
-        with time: 1/s, constant, per |u|, per own speed, per u^2; for the stable step.
+        first rate of its actuators, which follow their positions.
+    damping(part, effects, derived, water, inverse_mass, rates): adds the decay rates of the velocities to rates, (6,
+    4):
+        1/s, constant, per |u|, per own speed, per u^2; for the stable step.
 
-    Functions that a kind does not need are None. with_hull: whether its forces are added to those of the hull, as those
-    of the flow are, or to the loads, as those of a drive are; it changes the order of a sum.
+    Functions that a kind does not need are None. with_hull: whether its forces are added to those of the hull, like
+    flow forces, or to the loads, like those of a drive; this changes the order of a sum.
     slot: kinds of one slot share their compiled code.  order: of the kinds in a vehicle.
     coefficients: parameters that a first fit frees, of the first part of the kind.  doubted: those of every part that
-    are known no better than these.  twins: effects that act as a
-    parameter of the part does.  same: effects that do nothing but change one parameter: its name, and its value from
-    the given one and the effect's size.
+    are equally uncertain.  twins: effects that are equivalent to a parameter of the part.  same: effects that only
+    change one parameter: its name, and its value as a function of the given value and the effect's size.
     choice, variants: the key of a part's table that chooses one of several forms.
-    shared: inputs that all parts of the kind read and nothing moves, and the parameter that stands for each where a
-    record does not have it; "" for 0, or for the time that has passed, of `elapsed_s`.
-    texts: parameters that a file may give in words or rows, and what makes entries of them.
-    problem: words about impossible numbers, or nothing; they follow the part's name, which `{}` stands for.
+    shared: inputs that all parts of the kind read and nothing moves, and the parameter that gives each if a record does
+    not have it; "" for 0 or, for `elapsed_s`, the time that has passed.
+    texts: parameters that a file may give in words or rows, and the functions that make entries of them.
+    problem: words about impossible numbers, or nothing; `{}` in them is the part's name.
     problem_with_hull: the same about the part together with the hull.  sketch: lines to draw.
-    place: the parameters that say where the part is.
-    thrusts: of a part that pushes along a line by its command alone, its commands in the channel's unit, rising, and
-    the thrust at each, N, at the supply of the part's numbers; linear between.  Its `numbers` begin with the force and
-    the moment of a thrust of 1 N: x, y, z, k, m, n.  thrust_share: by what the shared inputs, by channel, multiply it.
-    polar: of a part, the drag_0, drag_2, lift_1 and lift_0 of the whole vehicle, from which its steady glide follows,
+    place: the parameters with the part's position.
+    thrusts: for a part whose thrust along a line depends only on its command: its commands in the channel's unit,
+    rising, and the thrust at each, N, at the supply voltage of the part's numbers; linear between.  Its `numbers` begin
+    with the force and moment of a thrust of 1 N: x, y, z, k, m, n.  thrust_share: the factor by which the shared
+    inputs, by channel, multiply it.
+    polar: function from a part to drag_0, drag_2, lift_1 and lift_0 of the whole vehicle, which give its steady glide,
     or None.
     """
 
@@ -235,7 +239,7 @@ _REGISTERED: dict[str, PartKind] = {}
 
 
 def register_part(kind: PartKind) -> PartKind:
-    """Make a kind of part known by its name; returns it.  Raises ValueError where there is another of this name."""
+    """Register a kind of part by its name; returns it.  Raises ValueError if the name is taken."""
     if (_REGISTERED.get(kind.name) or _found().get(kind.name) or kind) is not kind:
         raise ValueError(
             f"There is a kind of part {kind.name!r} already: choose another name, or start Python anew where you have "
@@ -251,7 +255,7 @@ def part_kinds() -> dict[str, PartKind]:
 
 
 def part_kind(name: str, choice: str = "") -> PartKind:
-    """The kind of this name, and of its variants the chosen one; raises ValueError where there is none."""
+    """The kind of this name, or its chosen variant; raises ValueError if there is none."""
     kind = _REGISTERED.get(name) or _found().get(name)
     if kind is None:
         kinds = part_kinds()

@@ -1,7 +1,7 @@
-"""Forces on a hull as learned from data: sums of Gaussian bells over its velocities, beside a trend.
+"""Hull forces learned from data: Gaussian radial basis functions of the velocities, plus a trend.
 
-They stand in place of everything that the hull's coefficients give, C(v)v + D(v)v; mass, weight, fins, propulsion and
-effects stay the vehicle's.  Source: Xu, Zou, Yin and Cao 2013, Ocean Engineering 67, equation (20).
+They replace everything that the hull's coefficients give, C(v)v + D(v)v; mass, weight, fins, propulsion and effects
+remain the vehicle's.  Source: Xu, Zou, Yin and Cao 2013, Ocean Engineering 67, equation (20).
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from auv_gym.physics.radial import BITS, LANES, radial_blocks, radial_distance, 
 
 VELOCITIES = ("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps")
 AXES = len(VELOCITIES)
-_ROWS = 2 * AXES + 1  # of a block
-_TREND = 3 + 2 * AXES  # where it stands in a table, after kernels, blocks of each, reach; bias; 1 / spread
+_ROWS = 2 * AXES + 1  # in a block
+_TREND = 3 + 2 * AXES  # index of the trend in a table, after kernels, blocks of each, reach; bias; 1 / spread
 _HEAD = _TREND + AXES * AXES
-ROOM = 2 * AXES + (2 + AXES) * LANES  # numbers of scratch
+ROOM = 2 * AXES + (2 + AXES) * LANES  # size of the work array
 
 
 @compiled
 def _scale(velocity, table, factor, x):
-    """The velocity in spreads, times a factor, into x."""
+    """Write the velocity in spreads, times a factor, into x."""
     for i in range(AXES):
         x[i] = velocity[i] * table[3 + AXES + i] * factor
 
 
 @outlined
 def learned_forces(p, velocity, room):
-    """-(C(v)v + D(v)v) of the table that follows the record p, N and N m.
+    """The forces -(C(v)v + D(v)v) by the table that follows the record p, N and N m.
 
     velocity: begins with u v w p q r.  room: scratch, shape (ROOM,).
     """
@@ -65,7 +65,7 @@ def learned_forces(p, velocity, room):
 
 @outlined
 def support_distance(p, velocity, room):
-    """Distance of a velocity from the nearest one of the table that follows p, over its reach; arguments as above."""
+    """Distance of a velocity from the nearest one in the table after p, relative to its reach; arguments as above."""
     table = tail_of(p, int(p.computed.learned))
     kernels, count = int(table[0]), int(table[1])
     at, size = _HEAD + kernels, count * _ROWS * LANES
@@ -82,12 +82,12 @@ def trend_terms(velocities: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class LearnedHull:
-    """C(v)v + D(v)v, N and N m: bias + |u| v trend + sum over k and j of coefficients[k, j] exp(-(d_j / sigma_k)^2).
+    """Learned forces C(v)v + D(v)v, N and N m: bias + |u| v trend + sum_kj coefficients[k, j] exp(-(d_j / sigma_k)^2).
 
     d_j = |(v - support[j]) / spread|.  support: (n, 6), u v w p q r, m/s and rad/s.  spread: (6,).  sigma: (kernels,),
-    in spreads.  coefficients: (kernels, n, 6).  bias: (6,).  reach: the d to the nearest centre up to which a velocity
-    is like those of the training data.  trend: (6, 6), lift and damping in proportion to the speed, a row for each
-    velocity, a column for each force.  Raises on shapes that do not match and on numbers that are not finite.
+    in spreads.  coefficients: (kernels, n, 6).  bias: (6,).  reach: the largest d to the nearest centre for which a
+    velocity is similar to the training data.  trend: (6, 6), lift and damping proportional to the speed, a row for each
+    velocity, a column for each force.  Raises for mismatched shapes and non-finite numbers.
     """
 
     support: np.ndarray
@@ -127,7 +127,7 @@ class LearnedHull:
 
     @cached_property
     def table(self) -> np.ndarray:
-        """The numbers that compiled code takes, flat."""
+        """The numbers for compiled code, flat."""
         blocks = [
             radial_blocks(self.support, 1.0 / (self.spread * sigma), coefficients)
             for sigma, coefficients in zip(self.sigma, self.coefficients, strict=True)
@@ -144,12 +144,12 @@ class LearnedHull:
         return np.sum(parts, axis=0) + self.bias + trend_terms(velocities) @ self.trend
 
     def outside(self, record: Any) -> float:
-        """The share of a record's samples whose velocities are unlike the training data; those not measured are not."""
+        """The share of a record's samples with velocities unlike the training data; unmeasured ones do not count."""
         found = self.distance_along(record)
         return float((found[np.isfinite(found)] > 1.0).mean())
 
     def distance_along(self, record: Any) -> np.ndarray:
-        """`distance` of the velocities of a record, a value for each sample, NaN where they were not measured."""
+        """The `distance` of a record's velocities, one value per sample, NaN where they were not measured."""
         return self.distance(np.column_stack([record[name] for name in VELOCITIES]))
 
     def distance(self, velocities: np.ndarray) -> np.ndarray:

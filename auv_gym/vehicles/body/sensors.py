@@ -1,4 +1,4 @@
-"""What the sensors of a six-degree-of-freedom vehicle read, before sampling: lag, misalignment, scale, bias."""
+"""Sensor readings of a six-degree-of-freedom vehicle before sampling: lag, misalignment, scale, bias."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def water_velocity(depth, phase, p, r11, r12, r13, r21, r22, r23, r31, r32, r33)
     )
 
 
-# Sensor states: how far a reading lags behind, of depth, heading, p q r, velocity over ground, velocity through water.
+# Sensor states: lag errors of depth, heading, p q r, velocity over ground, velocity through water.
 SENSORS = (
     "depth_lag_m",
     "heading_lag_rad",
@@ -41,14 +41,14 @@ SENSORS = (
 
 @compiled
 def sense(before, z, sensors, duration, p):
-    """Update of the lag errors in sensors after the vehicle went from `before` to z (integrated states)."""
-    if p.computed.has_lag != 0.0:  # else, as usual, the errors start from zero and stay there
+    """Update the lag errors in sensors after the vehicle went from `before` to z (integrated states)."""
+    if p.computed.has_lag != 0.0:  # otherwise, as usual, the errors are zero and stay zero
         lag_behind(before, z, sensors, duration, p)
 
 
 @outlined
 def lag_behind(before, z, sensors, duration, p):
-    """What `sense` does where a sensor lags."""
+    """The part of `sense` for sensors with a lag."""
     effects = p.effects
     sensors[0] = lag_error(sensors[0], z[8] - before[8], effects.depth.lag, duration)
     a11, a12, a13, a21, a22, a23, a31, a32, a33 = rotation_of(before[9], before[10], before[11], before[12])
@@ -74,7 +74,7 @@ def lag_behind(before, z, sensors, duration, p):
 
 @outlined
 def settle_sensors(x, actuators, sensors, p):
-    """Lag errors of a vehicle that has been turning and sinking at its present rates for long (kept states)."""
+    """Set the lag errors of a vehicle that has turned and sunk at its present rates for long (kept states)."""
     effects = p.effects
     for i in range(11):
         sensors[i] = 0.0
@@ -91,8 +91,8 @@ def settle_sensors(x, actuators, sensors, p):
 
 @compiled
 def turned_and_scaled(a, b, angle, scale):
-    """Two horizontal components as an instrument turned about the vertical axis gives them, with its scale error."""
-    if angle == 0.0:  # not a 1 * a + 0 * b: neutral leaves the bits as they are
+    """Two horizontal components in the axes of an instrument rotated about the vertical axis, with its scale error."""
+    if angle == 0.0:  # not a 1 * a + 0 * b: neutral must not change any bit
         return (1.0 + scale) * a, (1.0 + scale) * b
     c, s = cos(angle), sin(angle)
     return (1.0 + scale) * (c * a + s * b), (1.0 + scale) * (c * b - s * a)
@@ -100,14 +100,14 @@ def turned_and_scaled(a, b, angle, scale):
 
 @compiled
 def in_mount(a, b, c, mount):
-    """A body vector in the axes of a unit that is turned by roll, pitch and yaw from the body's."""
+    """A body vector in the axes of a unit that is mounted with roll, pitch and yaw relative to the body."""
     r11, r12, r13, r21, r22, r23, r31, r32, r33 = rotation_of(*quaternion_of(mount.roll, mount.pitch, mount.yaw))
     return r11 * a + r21 * b + r31 * c, r12 * a + r22 * b + r32 * c, r13 * a + r23 * b + r33 * c
 
 
 @outlined
 def attitude_of_mount(roll, pitch, heading, mount):
-    """Roll, pitch and heading of such a unit in a vehicle with these; angles go on from those without a turn's jump."""
+    """Roll, pitch and heading of such a unit in a vehicle with these angles, from which they continue without jumps."""
     north = rotation_of(*quaternion_of(roll, pitch, heading))
     own = rotation_of(*quaternion_of(mount.roll, mount.pitch, mount.yaw))
     r11 = north[0] * own[0] + north[1] * own[3] + north[2] * own[6]
@@ -123,7 +123,7 @@ def attitude_of_mount(roll, pitch, heading, mount):
 
 @compiled
 def output(x, actuators, sensors, p, y):
-    """Readings [roll pitch heading | p q r | velocity through water | the same over ground | position] into y."""
+    """Write the readings [roll pitch heading | p q r | velocity through water, over ground | position] into y."""
     effects = p.effects
     roll, pitch, heading = x[9], x[10], x[11]
     rate_p, rate_q, rate_r = x[3] + sensors[2], x[4] + sensors[3], x[5] + sensors[4]

@@ -1,7 +1,7 @@
-"""What the parts of a body add: for each kind a function `..._of_kind`, and a chain of them by `..._then`.
+"""Sums over the parts of a body: for each kind a function `..._of_kind`, chained by `..._then`.
 
-The functions are templates, see `compiled.bind`: COUNT parts lie side by side, with COMMANDS commands each, of which
-the first is number FIRST; `compose` binds a chain with a link for each kind.
+The functions are templates, see `compiled.bind`: COUNT parts are adjacent, with COMMANDS commands each, the first of
+which is number FIRST; `compose` binds a chain with a link for each kind.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any
 from auv_gym.compiled import compiled
 from auv_gym.vehicles.body.kinds import NONE
 
-# Open names of the templates, bound by `compose`.
+# Placeholders in the templates, bound by `compose`.
 COUNT = COMMANDS = FIRST = SHARED = 0
 SLOT = ""
 wakes: Any
@@ -44,7 +44,7 @@ def forces_of_kind(actuators, inputs, motion, p):
 
 
 def forces_then(actuators, inputs, motion, p):
-    """The forces of the kinds before, and of one more."""
+    """The forces of the preceding kinds and one more."""
     x, y, z, k, m, n = before(actuators, inputs, motion, p)
     a, b, c, d, e, f = own(actuators, inputs, motion, p)
     return x + a, y + b, z + c, k + d, m + e, n + f
@@ -52,17 +52,17 @@ def forces_then(actuators, inputs, motion, p):
 
 @compiled
 def no_forces(actuators, inputs, motion, p):
-    """The forces of no part."""
+    """No forces."""
     return NONE, NONE, NONE, NONE, NONE, NONE
 
 
 def wake_forces(actuators, motion, p):
-    """What all parts do in the wakes of all propellers."""
+    """The forces of all parts in the wakes of all propellers."""
     return in_wake(wakes(actuators, motion.u, p), actuators, motion, p)
 
 
 def in_wake_of_kind(wake, actuators, motion, p):
-    """The sum of what the parts of one kind do in the wakes of all propellers."""
+    """The sum of the forces of the parts of one kind in the wakes of all propellers."""
     x = y = z = k = m = n = NONE
     parts, effects = getattr(p.parts, SLOT), getattr(p.effects.parts, SLOT)
     for i in range(COUNT):
@@ -77,7 +77,7 @@ def in_wake_of_kind(wake, actuators, motion, p):
 
 
 def in_wake_then(wake, actuators, motion, p):
-    """What the kinds before do in the wakes, and one more."""
+    """The wake forces of the preceding kinds and one more."""
     x, y, z, k, m, n = before(wake, actuators, motion, p)
     a, b, c, d, e, f = own(wake, actuators, motion, p)
     return x + a, y + b, z + c, k + d, m + e, n + f
@@ -85,12 +85,12 @@ def in_wake_then(wake, actuators, motion, p):
 
 @compiled
 def nothing_in_wakes(wake, actuators, motion, p):
-    """The forces of no part."""
+    """No wake forces."""
     return NONE, NONE, NONE, NONE, NONE, NONE
 
 
 def wakes_of_kind(actuators, u, p):
-    """What all parts of one kind add to the flow at the surfaces, m/s."""
+    """The speed that all parts of one kind add to the flow at the surfaces, m/s."""
     wake = 0.0
     parts, effects = getattr(p.parts, SLOT), getattr(p.effects.parts, SLOT)
     for i in range(COUNT):
@@ -99,18 +99,18 @@ def wakes_of_kind(actuators, u, p):
 
 
 def wakes_then(actuators, u, p):
-    """The wakes of the kinds before, and of one more."""
+    """The wakes of the preceding kinds and one more."""
     return before(actuators, u, p) + own(actuators, u, p)
 
 
 @compiled
 def no_wakes(actuators, u, p):
-    """The wake of no part."""
+    """No wake."""
     return 0.0
 
 
 def shape_of_kind(inputs, memory, p, shaped):
-    """Commands of one kind after their memoryless effects, backlash and stiction, into shaped; updates memory."""
+    """Write commands of one kind after their memoryless effects, backlash and stiction into shaped; updates memory."""
     parts, effects = getattr(p.parts, SLOT), getattr(p.effects.parts, SLOT)
     for i in range(COUNT):
         for c in range(COMMANDS):
@@ -119,14 +119,14 @@ def shape_of_kind(inputs, memory, p, shaped):
 
 
 def shape_then(inputs, memory, p, shaped):
-    """The commands of the kinds before, and of one more."""
+    """Shape the commands of the preceding kinds and one more."""
     before(inputs, memory, p, shaped)
     own(inputs, memory, p, shaped)
 
 
 @compiled
 def no_shapes(inputs, memory, p, shaped):
-    """The commands of no part."""
+    """No commands."""
     return
 
 
@@ -137,7 +137,7 @@ def times_of_kind(index, p):
 
 
 def times_then(index, p):
-    """The times of an actuator of the kinds before, or of one more."""
+    """The times of an actuator of the preceding kinds or one more."""
     if index >= FIRST:
         return own(index, p)
     return before(index, p)
@@ -145,25 +145,25 @@ def times_then(index, p):
 
 @compiled
 def no_actuator(index, p):
-    """The times of an actuator that there is not."""
+    """The times for a chain without actuators."""
     return 0.0, 0.0, 0.0
 
 
 def derive_kind(p):
-    """What follows from the parameters of the parts of one kind."""
+    """Derive the numbers of the parts of one kind."""
     parts, effects, derived = getattr(p.parts, SLOT), getattr(p.effects.parts, SLOT), getattr(p.derived, SLOT)
     for i in range(COUNT):
         part_derive(parts[i], effects[i], p.hull, derived[i])
 
 
 def derive_then(p):
-    """What follows from the parameters of the kinds before, and of one more."""
+    """Derive the numbers of the preceding kinds and one more."""
     before(p)
     own(p)
 
 
 def damping_of_kind(p):
-    """The rates at which the parts of one kind damp, for the stable step."""
+    """Add the damping rates of the parts of one kind, for the stable step."""
     parts, effects, derived = getattr(p.parts, SLOT), getattr(p.effects.parts, SLOT), getattr(p.derived, SLOT)
     water = p.hull.density * p.computed.density
     for i in range(COUNT):
@@ -172,5 +172,5 @@ def damping_of_kind(p):
 
 @compiled
 def nothing_derived(p):
-    """What follows from the parameters of no part."""
+    """Derive nothing."""
     return

@@ -1,1 +1,1 @@
-"""The kinds of part that come with auv-gym, one module each; see `vehicles.body.kinds`."""
+"""The kinds of part in auv-gym, one module each; see `vehicles.body.kinds`."""

@@ -1,4 +1,4 @@
-"""A buoyancy engine: it changes the volume that the vehicle displaces, by oil or by water, where it acts."""
+"""A buoyancy engine, which changes the displaced volume with oil or water, at its position."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from auv_gym.vehicles.body.kinds import Command, PartKind, Sketch, force_at
 
 @dataclass(frozen=True)
 class BuoyancyEngine:
-    """A volume between low and high that lifts by its excess over `neutral`; the hull's buoyancy is that at neutral.
+    """A volume between low and high, whose excess over `neutral` lifts; the hull's buoyancy is that at neutral.
 
-    The vehicle's mass stays what it is: oil goes in and out of a bladder outside the hull.
+    The vehicle's mass is constant: oil moves in and out of a bladder outside the hull.
     """
 
     low: float = param(0.0, "m^3", "smallest volume of the {}", bounds=(-1.0, 10.0))
@@ -55,9 +55,9 @@ BuoyancyEngineEffects = effects_on_commands(
 
 @compiled
 def shape(command, memory, part, effects, index):
-    """The volume that is asked for after the engine's effects, m^3, and the memory."""
+    """The commanded volume after the engine's effects, m^3, and the memory."""
     rest, lost = part.neutral, effects.lost_travel
-    # the bias is of the volume itself, so that it acts where the engine stands at its stop, too
+    # the bias applies to the volume itself, so that it also acts at a stop
     return command_within(
         command, memory, rest, part.low, part.high, effects.gain, 0.0, effects.deadband, 0.0, 0.0, lost
     )
@@ -65,13 +65,13 @@ def shape(command, memory, part, effects, index):
 
 @compiled
 def times(part, effects, index):
-    """Dead time s, lag s and slowness s/m^3, the vehicle's own and the effect's together."""
+    """Dead time s, lag s and slowness s/m^3, the sums of the vehicle's own and the effects'."""
     return effects.dead_time, part.lag + effects.lag, part.slowness + effects.slowness
 
 
 @compiled
 def force(at, actuators, inputs, shared, motion, part, effects, derived):
-    """The lift of the volume over neutral, and its moment, in body axes.  Source: Fossen 2021, eq. (4.6)."""
+    """The lift of the volume above neutral, and its moment, in body axes.  Source: Fossen 2021, eq. (4.6)."""
     volume = (1.0 - effects.stuck) * actuators[at] + effects.stuck * effects.stuck_at
     lift = motion.water * motion.gravity * (volume - part.neutral + effects.offset)
     x, y, z = -lift * motion.r31, -lift * motion.r32, -lift * motion.r33

@@ -1,4 +1,4 @@
-"""A control surface given by its geometry: area, place, lift slope and stall; for vehicles without captive tests."""
+"""A control surface defined by its geometry: area, position, lift slope and stall; needs no captive tests."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from auv_gym.param import param
 from auv_gym.vehicles.body.kinds import NONE, Command, PartKind, Role, Sketch, blades
 from auv_gym.vehicles.body.parts.surface import SurfaceEffects, fin_angle_limits, placed, shape, times
 
-AT_REST = 1e-9  # m/s, below which there is no direction of the flow
+AT_REST = 1e-9  # m/s; below this, the flow has no direction
 
 
 @dataclass(frozen=True)
 class Fin:
-    """Lift rho/2 A C_L V^2 across the flow that the fin sees, and drag rho/2 A C_D V^2 against it, where it sits.
+    """A fin with lift rho/2 A C_L V^2 across the local flow and drag rho/2 A C_D V^2 against it, at its position.
 
-    The flow is the vehicle's, with its turning, at x, y, z, without the part along the fin. C_L = lift_slope times the
-    angle of attack up to stall; beyond, it follows a flat plate, sin(2 angle), to nothing at 90 deg.
-    C_D = drag + induced C_L^2, and beyond stall plate (sin^2 angle - sin^2 stall) more. Two fins that move together are
-    one of twice the area.  A positive angle of a fin with axis "yaw" turns its nose to starboard, of one with axis
-    "pitch" up: behind the centre the former turns the vehicle to port, the latter turns it down.
-    Source: Fossen 2021, sec. 9.7; the lift of a plate beyond stall: Beard and McLain 2012, Small Unmanned Aircraft,
-    eq. (4.9), in form.
+    The flow is the vehicle's, including its rotation, at x, y, z, without the component along the fin's span. C_L is
+    lift_slope times the angle of attack up to stall; beyond, it follows a flat plate, sin(2 angle), down to zero at 90
+    deg.  C_D = drag + induced C_L^2, plus plate (sin^2 angle - sin^2 stall) beyond stall. Two fins that move together
+    are one of twice the area.  A positive angle of a fin with axis "yaw" turns its nose to starboard, of one with axis
+    "pitch" up: behind the centre the former turns the vehicle to port, the latter pitches it down.
+    Source: Fossen 2021, sec. 9.7; the lift of a plate beyond stall: Beard and McLain 2012, Small Unmanned Aircraft, eq.
+    (4.9), in form.
     """
 
     area: float = param(0.0, "m^2", "area of the {}", bounds=(0.0, 100.0))
@@ -66,7 +66,7 @@ def fin_force(position, forward, across, water, part, effects):
 
 @compiled
 def yaw_force(at, actuators, inputs, shared, motion, part, effects, derived):
-    """Forces of an upright fin."""
+    """Forces of a vertical fin."""
     u = motion.u + motion.q * part.z - motion.r * part.y
     v = motion.v + motion.r * part.x - motion.p * part.z
     x, y = fin_force(actuators[at], u, v, motion.water, part, effects)
@@ -75,7 +75,7 @@ def yaw_force(at, actuators, inputs, shared, motion, part, effects, derived):
 
 @compiled
 def pitch_force(at, actuators, inputs, shared, motion, part, effects, derived):
-    """Forces of a level fin."""
+    """Forces of a horizontal fin."""
     u = motion.u + motion.q * part.z - motion.r * part.y
     w = motion.w + motion.p * part.y - motion.q * part.x
     x, up = fin_force(actuators[at], u, -w, motion.water, part, effects)
@@ -84,7 +84,7 @@ def pitch_force(at, actuators, inputs, shared, motion, part, effects, derived):
 
 @compiled
 def yaw_damping(part, effects, derived, water, inverse_mass, rates):
-    """How quickly an upright fin damps sway and yaw, 1/s per |u|."""
+    """Damping of sway and yaw by a vertical fin, 1/s per |u|."""
     slope = 0.5 * water * part.area * (part.lift_slope + part.drag + part.plate)
     rates[1, 1] += abs(inverse_mass[1, 1]) * slope
     rates[5, 1] += abs(inverse_mass[5, 5]) * slope * part.x * part.x
@@ -92,7 +92,7 @@ def yaw_damping(part, effects, derived, water, inverse_mass, rates):
 
 @compiled
 def pitch_damping(part, effects, derived, water, inverse_mass, rates):
-    """How quickly a level fin damps heave and pitch, 1/s per |u|."""
+    """Damping of heave and pitch by a horizontal fin, 1/s per |u|."""
     slope = 0.5 * water * part.area * (part.lift_slope + part.drag + part.plate)
     rates[2, 1] += abs(inverse_mass[2, 2]) * slope
     rates[4, 1] += abs(inverse_mass[4, 4]) * slope * part.x * part.x

@@ -1,4 +1,4 @@
-"""The hull's volume as pressure and temperature change it: compressibility and thermal expansion."""
+"""Change of the hull's volume with pressure and temperature: compressibility and thermal expansion."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from auv_gym.vehicles.body.kinds import PartKind, force_at
 
 @dataclass(frozen=True)
 class HullVolume:
-    """V = volume exp(-compressibility P + expansion (T - temperature)), and the lift of V - volume at x, y, z.
+    """The volume V = volume exp(-compressibility P + expansion (T - temperature)), and the lift of V - volume.
 
-    The hull's buoyancy is that of the volume at the surface and at `temperature`. P is the pressure of the water above,
-    T the channel temperature_C; a record without it is at `temperature` all the time.
-    Source: Eriksen et al. 2001, IEEE J. Oceanic Eng. 26(4), the Seaglider's volume, with P in Pa in place of dbar.
+    The lift acts at x, y, z. The hull's buoyancy is that of the volume at the surface and at `temperature`. P is the
+    pressure of the water above, T the channel temperature_C; without that channel, T is always `temperature`.
+    Source: Eriksen et al. 2001, IEEE J. Oceanic Eng. 26(4), the Seaglider's volume, with P in Pa instead of dbar.
     """
 
     volume: float = param(0.0, "m^3", "volume of the hull at the surface", bounds=(0.0, 1e4))
@@ -36,7 +36,7 @@ HullVolumeEffects = effects_on_commands(
 
 @compiled
 def force(at, actuators, inputs, shared, motion, part, effects, derived):
-    """The lift of the change of volume, and its moment, in body axes.  Source: Fossen 2021, eq. (4.6)."""
+    """The lift of the change in volume, and its moment, in body axes.  Source: Fossen 2021, eq. (4.6)."""
     pressure = motion.water * motion.gravity * max(motion.depth, 0.0)
     warmer = inputs[shared] - part.temperature
     change = volume_change(part.volume, part.compressibility, pressure, part.expansion, warmer)

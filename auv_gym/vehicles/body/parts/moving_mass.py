@@ -1,8 +1,8 @@
-"""A mass that moves in the hull: along an axis, turned about the vehicle's long axis, or both, as a battery does.
+"""A mass that moves in the hull: along an axis, about the vehicle's long axis, or both, like a battery pack.
 
-Centre of gravity and inertia follow it. A start or a stop is a jump of momentum inside the vehicle, so that momentum
-and the common centre of mass of vehicle and mass stay what they are.  Source of the equations: Graver 2005, Underwater
-Gliders: Dynamics, Control and Design, PhD thesis, Princeton, ch. 3 (a point mass); here with an inertia of its own.
+Centre of gravity and inertia follow it. A start or a stop is a jump of momentum inside the vehicle that conserves the
+total momentum and the common centre of mass.  Source of the equations: Graver 2005, Underwater Gliders: Dynamics,
+Control and Design, PhD thesis, Princeton, ch. 3 (a point mass); here with an inertia of its own.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from auv_gym.vehicles.body.parts.surface import placed
 
 @dataclass(frozen=True)
 class MovingMass:
-    """A mass of its own beside the hull's, whose mass, weight and inertia the hull's numbers do not hold.
+    """A mass in addition to the hull's, not included in the hull's mass, weight and inertia.
 
-    x, y, z: the axis that it turns about, at rest. Its centre is `eccentricity` below that axis, and turns to port with
-    a positive angle, as all that is turned about the forward axis by a right-hand screw does.
+    x, y, z: its axis of rotation, at rest. Its centre is `eccentricity` below that axis, and moves to port with a
+    positive angle, by the right-hand rule about the forward axis.
     """
 
     mass: float = param(1.0, "kg", "mass of the {}", bounds=(1e-6, 1e7))
@@ -91,7 +91,7 @@ TurnEffects = effects_on_commands(
 
 @dataclass(frozen=True)
 class BothEffects:
-    """What can happen to the two commands of a mass that slides and turns."""
+    """The effects on the two commands of a mass that slides and turns."""
 
     slide: Any = part(SlideEffects, "{} slide")
     turn: Any = part(TurnEffects, "{} turn")
@@ -106,13 +106,13 @@ def _shaped(command, memory, low, high, e):
 
 @compiled
 def shape_slide(command, memory, part, effects, index):
-    """How far it is told to slide after its effects, m, and the memory."""
+    """The sliding command after its effects, m, and the memory."""
     return _shaped(command, memory, -part.back, part.forth, effects)
 
 
 @compiled
 def shape_turn(command, memory, part, effects, index):
-    """How far it is told to turn after its effects, rad, and the memory."""
+    """The turning command after its effects, rad, and the memory."""
     return _shaped(command, memory, -part.turn, part.turn, effects)
 
 
@@ -126,13 +126,13 @@ def shape_both(command, memory, part, effects, index):
 
 @compiled
 def times_slide(part, effects, index):
-    """Dead time s, lag s and slowness s/m as it slides."""
+    """Dead time s, lag s and slowness s/m of sliding."""
     return effects.dead_time, part.lag + effects.lag, part.slowness + effects.slowness
 
 
 @compiled
 def times_turn(part, effects, index):
-    """Dead time s, lag s and slowness s/rad as it turns."""
+    """Dead time s, lag s and slowness s/rad of turning."""
     return effects.dead_time, part.turn_lag + effects.lag, part.turn_slowness + effects.slowness
 
 
@@ -146,7 +146,7 @@ def times_both(part, effects, index):
 
 @compiled
 def moved_block(way, rate, angle, spin, part):
-    """The mass after it has slid by a way, m, and turned by an angle, rad, at these rates."""
+    """The mass after sliding by `way`, m, and turning by an angle, rad, at these rates."""
     c, s = cos(angle), sin(angle)
     e = part.eccentricity
     y, z = -e * s, e * c
@@ -170,21 +170,21 @@ def moved_block(way, rate, angle, spin, part):
 
 @compiled
 def block_slide(at, rates_at, actuators, part, effects):
-    """The mass where it has slid to."""
+    """The mass at its sliding position."""
     free = 1.0 - effects.stuck
     return moved_block(placed(actuators[at], effects), free * actuators[rates_at], 0.0, 0.0, part)
 
 
 @compiled
 def block_turn(at, rates_at, actuators, part, effects):
-    """The mass where it has turned to."""
+    """The mass at its turning angle."""
     free = 1.0 - effects.stuck
     return moved_block(0.0, 0.0, placed(actuators[at], effects), free * actuators[rates_at], part)
 
 
 @compiled
 def block_both(at, rates_at, actuators, part, effects):
-    """The mass where it has slid and turned to."""
+    """The mass at its sliding position and turning angle."""
     slide, turn = effects.slide, effects.turn
     way, rate = placed(actuators[at], slide), (1.0 - slide.stuck) * actuators[rates_at]
     angle, spin = placed(actuators[at + 1], turn), (1.0 - turn.stuck) * actuators[rates_at + 1]
@@ -193,7 +193,7 @@ def block_both(at, rates_at, actuators, part, effects):
 
 @compiled
 def moving_mass_weight(block, motion):
-    """The weight of a mass where it is, in body axes."""
+    """The weight of a mass at its position, in body axes."""
     weight = block.mass * motion.gravity
     x, y, z = weight * motion.r31, weight * motion.r32, weight * motion.r33
     return force_at(x, y, z, block.x, block.y, block.z)

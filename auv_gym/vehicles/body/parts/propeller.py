@@ -24,7 +24,7 @@ from auv_gym.vehicles.body.kinds import NONE, Command, PartKind
 
 @dataclass(frozen=True)
 class HullInWake:
-    """The wake of the NPS form, and the coefficients of the hull that it multiplies; each name ends in what it acts on.
+    """The wake of the NPS form, and the hull coefficients that it multiplies; each name ends in the variable.
 
     eps = -1 + sign(n)/sign(u) (sqrt(C_t + 1) - 1)/(sqrt(C_t1 + 1) - 1), C_t = C_t1 eta|eta|, eta = pitch n/u.
     Source: Healey and Lienard 1993, IEEE J. Oceanic Eng. 18(3).
@@ -50,7 +50,7 @@ def _thrust_row(voltage: float) -> type:
 
 
 _THRUST_ROWS = {voltage: _thrust_row(voltage) for voltage in VOLTAGES}
-globals().update({row.__name__: row for row in _THRUST_ROWS.values()})  # where pickle looks for them
+globals().update({row.__name__: row for row in _THRUST_ROWS.values()})  # pickle looks for them here
 ThrustTable = make_dataclass(
     "ThrustTable",
     [(f"v{voltage:g}", row, part(row)) for voltage, row in _THRUST_ROWS.items()],
@@ -65,7 +65,7 @@ ThrustTable = make_dataclass(
 
 @dataclass(frozen=True)
 class Propeller:
-    """Thrust and torque from the propulsion command c: shaft speed, voltage or desired speed, as the family says.
+    """Thrust and torque from the propulsion command c: shaft speed, voltage or desired speed, depending on the variant.
 
     Shaft speed n in rad/s (the channel is in rpm): T = t_nn n|n| + t_nu |n| u, Q = q_nn n|n| + q_nu |n| u, which is
     also the advance-number form K_T(J) linear in J = u/(n D).  Desired speed: T = t_cc c|c|.  Voltage: the table.
@@ -125,7 +125,7 @@ def shape(command, memory, part, effects, index):
 
 @compiled
 def times(part, effects, index):
-    """Dead time s, lag s and slowness s per unit of the command, the vehicle's own and the effect's together."""
+    """Dead time s, lag s and slowness s per unit of the command, the sums of the vehicle's own and the effects'."""
     return effects.dead_time, part.lag + effects.lag, (part.slowness + effects.slowness) / part.limit
 
 
@@ -151,7 +151,7 @@ def force(at, actuators, inputs, shared, motion, part, effects, derived):
 
 @compiled
 def in_wake(at, actuators, wake, motion, part, effects):
-    """What the hull does in the wake."""
+    """The hull's force in the wake."""
     stream, law = motion.density * wake, part.wake
     heave = stream * (law.z_uq * motion.q + law.z_uw * motion.w)
     pitch = stream * (law.m_uq * motion.q + law.m_uw * motion.w)
@@ -160,7 +160,7 @@ def in_wake(at, actuators, wake, motion, part, effects):
 
 @compiled
 def wake(at, actuators, u, part, effects):
-    """What the propeller adds to the flow at the surfaces, m/s."""
+    """The speed that the propeller adds to the flow at the surfaces, m/s."""
     if part.wake.c_t1 == 0.0:
         return 0.0
     return slipstream_speed(RADPS_PER_RPM * actuators[at], u, part.wake.pitch, part.wake.c_t1)
@@ -168,7 +168,7 @@ def wake(at, actuators, u, part, effects):
 
 @compiled
 def derive(part, effects, hull, derived):
-    """Whether there is a thrust table."""
+    """Set whether there is a thrust table."""
     derived.has_table = 0.0
     for i in range(ROWS * COLUMNS):
         if part.table[i] != 0.0:

@@ -1,4 +1,4 @@
-"""A control surface given by its coefficients, as captive tests have them: a rudder or a plane."""
+"""A control surface defined by its coefficients from captive tests: a rudder or a plane."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from auv_gym.vehicles.body.kinds import NONE, Command, PartKind, Role, Sketch, b
 
 @dataclass(frozen=True)
 class SurfaceInWake:
-    """Coefficients that a propeller's wake, m/s, multiplies; in place of a factor u of the surface's own.
+    """Coefficients multiplied by a propeller's wake, m/s, in place of a factor u of the surface's own.
 
     Source: Healey and Lienard 1993, IEEE J. Oceanic Eng. 18(3), the terms with eps.
     """
@@ -32,9 +32,9 @@ class SurfaceInWake:
 class Surface:
     """A pair of fins that move together; force = u|u| lift angle, moment = u|u| moment angle, drag = u|u| drag angle^2.
 
-    lift is Y_uudr of a rudder and Z_uuds of a plane, moment N_uudr and M_uuds; the vehicle's own sign convention of the
-    angle is in these signs. The hull's polynomials usually hold what the undeflected fins do; where they do not,
-    `inflow` 1 adds the angle of the flow at `station` to the fin's angle of attack.
+    lift is Y_uudr of a rudder or Z_uuds of a plane, moment N_uudr or M_uuds; their signs contain the vehicle's sign
+    convention of the angle. The hull's polynomials usually include the undeflected fins; if they do not, `inflow` 1
+    adds the angle of the flow at `station` to the fin's angle of attack.
     """
 
     lift: float = param(0.0, "kg/m", "{} force per angle", bounds=(-1e6, 1e6))
@@ -59,26 +59,26 @@ SurfaceEffects = effects_on_commands(
 @compiled
 def shape(command, memory, part, effects, index):
     """The commanded angle after the actuator's effects, and the new memory, rad."""
-    e = effects  # number by number: the records of two kinds are not to be taken for one another
+    e = effects  # number by number: the records of two kinds must not be mixed up
     stop = part.limit - e.lost_travel
     return shaped_command(command, memory, e.gain, e.offset, e.deadband, e.backlash, e.stiction, stop)
 
 
 @compiled
 def times(part, effects, index):
-    """Dead time s, lag s and slowness s/rad, the vehicle's own and the effect's together."""
+    """Dead time s, lag s and slowness s/rad, the sums of the vehicle's own and the effects'."""
     return effects.dead_time, part.lag + effects.lag, part.slowness + effects.slowness
 
 
 @compiled
 def placed(position, effects):
-    """Where a fin stands, in the unit of its command, given where its actuator is."""
+    """The angle of a fin, in the unit of its command, for the position of its actuator."""
     return (1.0 - effects.stuck) * position + effects.stuck * effects.stuck_at
 
 
 @compiled
 def angle_and_share(position, motion, cross, turn, part, effects):
-    """The angle of attack, rad, and the share of the surface that is there; cross: v or w; turn: r or -q.
+    """The angle of attack, rad, and the share of the surface that remains; cross: v or w; turn: r or -q.
 
     position: of the actuator, rad.
     """
@@ -103,7 +103,7 @@ def drag_force(angle, square, push, rate, slip, fin):
 
 @compiled
 def force_in_wake(position, wake, motion, cross, turn, rate, part, effects):
-    """What a wake, m/s, adds to the axial and the cross force, N, and to the moment, N m."""
+    """The axial and cross force, N, and the moment, N m, that a wake, m/s, adds."""
     angle, there = angle_and_share(position, motion, cross, turn, part, effects)
     stream, law = motion.density * wake * there, part.wake
     along = law.drag_rate * rate + law.drag_slip * cross + law.drag * motion.u * angle
@@ -119,7 +119,7 @@ def yaw_force(at, actuators, inputs, shared, motion, part, effects, derived):
 
 @compiled
 def yaw_in_wake(at, actuators, wake, motion, part, effects):
-    """What a wake adds to the forces of a rudder."""
+    """The force that a wake adds to a rudder."""
     x, y, n = force_in_wake(actuators[at], wake, motion, motion.v, motion.r, motion.r, part, effects)
     return x, y, NONE, NONE, NONE, n
 
@@ -133,7 +133,7 @@ def pitch_force(at, actuators, inputs, shared, motion, part, effects, derived):
 
 @compiled
 def pitch_in_wake(at, actuators, wake, motion, part, effects):
-    """What a wake adds to the forces of a plane."""
+    """The force that a wake adds to a plane."""
     x, z, m = force_in_wake(actuators[at], wake, motion, motion.w, -motion.q, motion.q, part, effects)
     return x, NONE, z, NONE, m, NONE
 
@@ -145,7 +145,7 @@ def fin_angle_limits(fin: Any) -> tuple[float, float]:
 
 def _sketch(axis: Role) -> Callable[[Surface], tuple[Sketch, ...]]:
     def sketch(surface: Surface) -> tuple[Sketch, ...]:
-        """Blades of no known size where the lever of the moment says that they sit."""
+        """Blades of unknown size at the position that the lever of the moment implies."""
         lever = surface.moment / surface.lift if surface.lift else surface.station
         return (blades(lever if axis == "yaw" else -lever, 0.0, 0.0, 0.05, 0.15, axis),)
 

@@ -1,4 +1,4 @@
-"""A tether: a steady pull where it is tied, and drag of what trails in the water."""
+"""A tether: a steady pull at its attachment, and the drag of the part in the water."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from auv_gym.vehicles.body.kinds import PartKind, Sketch, force_at
 
 @dataclass(frozen=True)
 class Tether:
-    """A pull, steady over ground in direction and size, and a drag with the square of the speed, at x, y, z."""
+    """A pull, constant over ground in direction and size, and quadratic drag, at x, y, z."""
 
     x: float = param(0.0, "m", "where the {} is tied, forward", bounds=(-50.0, 50.0))
     y: float = param(0.0, "m", "where the {} is tied, starboard", bounds=(-10.0, 10.0))
@@ -43,7 +43,7 @@ def force(at, actuators, inputs, shared, motion, part, effects, derived):
 
 @compiled
 def damping(part, effects, derived, water, inverse_mass, rates):
-    """How quickly the tether damps, 1/s per |u|."""
+    """Damping by the tether, 1/s per |u|."""
     for i in range(3):
         rates[i, 1] += 2.0 * abs(inverse_mass[i, i]) * part.drag
         rates[i, 2] += 2.0 * abs(inverse_mass[i, i]) * part.drag

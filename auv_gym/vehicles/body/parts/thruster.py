@@ -1,4 +1,4 @@
-"""A thruster where it sits: thrust along its direction by a curve of its command, with supply voltage and lag."""
+"""A thruster at its position: thrust along its direction by a curve of its command, with supply voltage and lag."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from auv_gym.param import did_you_mean, param, part
 from auv_gym.physics.actuators import shaped_command
 from auv_gym.vehicles.body.kinds import Command, PartKind, Sketch
 
-POINTS = 41  # of a curve, evenly from the command -1 to 1
+POINTS = 41  # of a curve, evenly spaced from the command -1 to 1
 PULSE_MIDDLE, PULSE_HALF = 1500.0, 400.0  # microseconds, of a pulse-width command
 COMMANDS = np.arange(-(POINTS // 2), POINTS // 2 + 1) / (POINTS // 2)
 
@@ -43,8 +43,8 @@ ThrustCurve = make_dataclass(
 class Thruster:
     """Thrust T(c) (V / voltage)^power along its direction, in body axes, and torque_arm T about it.
 
-    The curve is at the supply `voltage`; power 0 leaves the supply out. A command c within dead_zone of zero gives
-    none. limit: largest c.
+    The curve is for the supply `voltage`; power 0 ignores the supply. A command c within dead_zone of zero gives no
+    thrust. limit: largest c.
     """
 
     x: float = param(0.0, "m", "{}, forward", bounds=(-50.0, 50.0))
@@ -117,7 +117,7 @@ def _shaped(share, memory, part, e):
 
 @compiled
 def thruster_pulse_command(command, memory, part, effects, index):
-    """The command, of a pulse width in microseconds, after its effects, as a share, and the memory."""
+    """The command, from a pulse width in microseconds, after its effects, as a share, and the memory."""
     return _shaped(share_of_pulse(command), memory, part, effects)
 
 
@@ -129,13 +129,13 @@ def thruster_share_command(command, memory, part, effects, index):
 
 @compiled
 def times(part, effects, index):
-    """Dead time s, lag s and slowness s, the vehicle's own and the effect's together."""
+    """Dead time s, lag s and slowness s, the sums of the vehicle's own and the effects'."""
     return effects.dead_time, part.lag + effects.lag, part.slowness + effects.slowness
 
 
 @compiled
 def curve_thrust(share, curve):
-    """Thrust, N, at a share of the command, linear between the points of a curve, (POINTS,), held at its ends."""
+    """Thrust, N, at a share of the command: linear between a curve's points, (POINTS,), constant beyond."""
     at = min(max(0.5 * (share + 1.0) * (POINTS - 1), 0.0), POINTS - 1.0)
     i = min(int(at), POINTS - 2)
     return curve[i] + (at - i) * (curve[i + 1] - curve[i])
@@ -150,7 +150,7 @@ def force(at, actuators, inputs, shared, motion, part, effects, derived):
         left -= effects.astern
     thrust = left * curve_thrust(share, part.curve) if abs(share) > part.dead_zone else 0.0
     supply = inputs[shared] - motion.sag
-    if part.power != 0.0 and supply != part.voltage:  # where they are equal the factor is 1
+    if part.power != 0.0 and supply != part.voltage:  # if they are equal, the factor is 1
         thrust *= (max(supply, 0.0) / part.voltage) ** part.power
     k, m, n = derived.k, derived.m, derived.n
     if effects.inflow != 0.0:
@@ -162,7 +162,7 @@ def force(at, actuators, inputs, shared, motion, part, effects, derived):
 
 @compiled
 def derive(part, effects, hull, derived):
-    """The direction, of length 1, the moment of a thrust of 1 N, p q r without and k m n with its torque."""
+    """Compute the unit direction, the moment of a thrust of 1 N, p q r without and k m n with its torque."""
     size = sqrt(part.to_x * part.to_x + part.to_y * part.to_y + part.to_z * part.to_z)
     x, y, z = part.to_x / size, part.to_y / size, part.to_z / size
     turn = sqrt(effects.turn_x * effects.turn_x + effects.turn_y * effects.turn_y + effects.turn_z * effects.turn_z)
@@ -178,7 +178,7 @@ def derive(part, effects, hull, derived):
 
 @compiled
 def turned(x, y, z, a, b, c, angle):
-    """A vector turned about the unit vector a, b, c by an angle, rad.  Source: Fossen 2021, eq. (2.13)."""
+    """A vector rotated about the unit vector a, b, c by an angle, rad.  Source: Fossen 2021, eq. (2.13)."""
     cosine, sine = cos(angle), sin(angle)
     along = (1.0 - cosine) * (a * x + b * y + c * z)
     return (
@@ -190,7 +190,7 @@ def turned(x, y, z, a, b, c, angle):
 
 @compiled
 def damping(part, effects, derived, water, inverse_mass, rates):
-    """How quickly the flow that a thruster meets damps at full command, 1/s."""
+    """Damping by the inflow of a thruster at full command, 1/s."""
     if effects.inflow != 0.0:
         own = (derived.x, derived.y, derived.z, derived.p, derived.q, derived.r)
         for i in range(6):
@@ -200,18 +200,18 @@ def damping(part, effects, derived, water, inverse_mass, rates):
 def _polynomial_t200() -> tuple[tuple[float, float], ...]:
     c = COMMANDS
     thrusts = -140.3 * c**9 + 389.9 * c**7 - 404.1 * c**5 + 176.0 * c**3 + 8.9 * c
-    thrusts[0], thrusts[-1] = thrusts[1], thrusts[-2]  # the polynomial falls by 0.1 N beyond 0.95: held
+    thrusts[0], thrusts[-1] = thrusts[1], thrusts[-2]  # the polynomial falls by 0.1 N beyond 0.95; keep it constant
     return tuple(zip(c.tolist(), thrusts.tolist(), strict=True))
 
 
-# Where the curves come from.
+# Sources of the curves.
 SOURCES: Mapping[str, str] = {
     "t200": "Blue Robotics T200 at 16 V: measurements of MrEkelund/ExjobbROV (BlueROV of 2016), measuredthrust.txt",
     "t200_von_benzon": "von Benzon et al. 2022, JMSE 10(12):1898, eq. (18): a T200 of the BlueROV2 Heavy",
 }
 # Curves that a vehicle file can name: command, thrust in N.
 CURVES: Mapping[str, tuple[tuple[float, float], ...]] = {
-    # every twentieth of the command; none within 0.05
+    # at every twentieth of the command; zero within 0.05
     "t200": (
         *((-1.0, -40.1), (-0.95, -40.0), (-0.9, -36.6), (-0.85, -33.8), (-0.8, -31.2), (-0.75, -28.5), (-0.7, -26.6)),
         *((-0.65, -23.2), (-0.6, -21.4), (-0.55, -18.5), (-0.5, -16.1), (-0.45, -13.1), (-0.4, -11.0), (-0.35, -8.9)),
@@ -225,9 +225,9 @@ CURVES: Mapping[str, tuple[tuple[float, float], ...]] = {
 
 
 def read_curve(given: Any) -> dict[str, float]:
-    """A curve of a vehicle file at POINTS commands: the name of one, or rows of command, -1 to 1, and thrust in N.
+    """A vehicle file's curve at POINTS commands: given by name, or as rows of command, -1 to 1, and thrust in N.
 
-    Raises ValueError on what is no curve, does not reach from -1 to 1, or does not rise.
+    Raises ValueError for anything else, and if it does not span -1 to 1 or does not rise.
     """
     if isinstance(given, str):
         if given not in CURVES:
@@ -254,7 +254,7 @@ def read_curve(given: Any) -> dict[str, float]:
 
 
 def _curve_entries(given: Any) -> Mapping[str, Any]:
-    """A curve as entries of a vehicle file: one that has a name brings its source."""
+    """A curve as entries of a vehicle file; a named curve includes its source."""
     thrusts = read_curve(given)
     if not isinstance(given, str):
         return thrusts
@@ -286,7 +286,7 @@ def _limits_of_share(thruster: Thruster) -> tuple[float, float]:
 
 
 def _table(thruster: Thruster) -> tuple[np.ndarray, np.ndarray]:
-    """Shares of the command from -limit to limit, rising, and thrusts; both edges of the dead zone are there twice."""
+    """Shares of the command from -limit to limit, rising, and thrusts; both edges of the dead zone appear twice."""
     edge, limit = thruster.dead_zone, thruster.limit
     pushes = np.array([getattr(thruster.curve, _name(c)) for c in COMMANDS.tolist()])
     inner = [c for c in COMMANDS.tolist() if edge < c < limit]

@@ -1,4 +1,4 @@
-"""Lift, drag and side force by angles of attack and sideslip, of wings or of a whole vehicle, as gliders have them."""
+"""Lift, drag and side force by angles of attack and sideslip, for wings or a whole vehicle, such as a glider."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from auv_gym.physics.polar import polar_drag, polar_lift
 from auv_gym.vehicles.body.hull import Hull
 from auv_gym.vehicles.body.kinds import NONE, PartKind, Sketch
 
-AT_REST = 1e-9  # m/s, below which there is no direction of the flow
+AT_REST = 1e-9  # m/s; below this, the flow has no direction
 
 
 @dataclass(frozen=True)
@@ -20,9 +20,9 @@ class Wings:
     """Forces and moments in flow axes, all times the square of the speed: drag = (drag_0 + drag_2 alpha^2) V^2.
 
     alpha = atan2(w, u), beta = asin(v/V), of the flow at x, y, z. Drag acts against the flow, lift across it and up,
-    the side force across it and to starboard; the moments turn about the flow axes, whose first is the flow's
-    direction. covers: 1 where the set is of the whole vehicle, whose hull must then have no coefficients of its own;
-    0 for wings alone.
+    the side force across it and to starboard; the moments are about the flow axes, the first of which is the flow's
+    direction. covers: 1 if the set is for the whole vehicle, whose hull must then have no coefficients of its own; 0
+    for wings alone.
     Source: Graver 2005, Underwater Gliders: Dynamics, Control and Design, PhD thesis, Princeton, sec. 3.1.4; Zhang, Yu,
     Zhang and Zhang 2013, Ocean Engineering 60 (terms in p, q, r).
     """
@@ -53,7 +53,7 @@ WingsEffects = effects_on_commands(
 
 @compiled
 def force(at, actuators, inputs, shared, motion, part, effects, derived):
-    """Forces and moments about the origin; those of a flow without direction are zero."""
+    """Forces and moments about the origin; zero if the flow has no direction."""
     u = motion.u + motion.q * part.z - motion.r * part.y
     v = motion.v + motion.r * part.x - motion.p * part.z
     w = motion.w + motion.p * part.y - motion.q * part.x
@@ -83,7 +83,7 @@ def force(at, actuators, inputs, shared, motion, part, effects, derived):
 
 @compiled
 def damping(part, effects, derived, water, inverse_mass, rates):
-    """By how much the velocities fall with time, 1/s."""
+    """Damping of the velocities, 1/s."""
     rates[0, 1] += 2.0 * abs(inverse_mass[0, 0]) * part.drag_0
     rates[1, 1] += abs(inverse_mass[1, 1]) * (abs(part.side) + part.drag_0)
     rates[2, 1] += abs(inverse_mass[2, 2]) * (part.lift_1 + part.drag_0)
@@ -93,7 +93,7 @@ def damping(part, effects, derived, water, inverse_mass, rates):
 
 
 def _alone(wings: Wings, hull: Hull) -> str:
-    """Words about a hull whose coefficients would count twice beside a set of the whole vehicle."""
+    """A warning about a hull whose coefficients would count twice beside a set for the whole vehicle."""
     axes = ("surge", "sway", "heave", "roll", "pitch", "yaw", "cross_flow")
     own = [p for p in list_paths(hull) if p.partition(".")[0] in axes and value_at(hull, p) != 0.0]
     own = [p for p in own if p not in ("cross_flow.height", "cross_flow.breadth")]
@@ -113,7 +113,7 @@ def _sketch(wings: Wings) -> tuple[Sketch, ...]:
 
 
 def _polar(wings: Wings) -> tuple[float, float, float, float] | None:
-    """The polar of the vehicle, for `auv_gym.records.gliding.glide_attack`; None of wings alone."""
+    """The polar of the vehicle, for `auv_gym.records.gliding.glide_attack`; None for wings alone."""
     if wings.covers < 0.5 or not (wings.drag_0 > 0.0 and wings.drag_2 > 0.0 and wings.lift_1 > 0.0):
         return None
     return wings.drag_0, wings.drag_2, wings.lift_1, wings.lift_0
