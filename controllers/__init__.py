@@ -1,6 +1,6 @@
-"""Controllers of underwater vehicles: each turns a measurement and a target into a command, once per sample.
+"""Controllers of underwater vehicles: each maps a measurement and a target to a command, once per sample.
 
-They read channels of `auv_gym` by name and know nothing of identification.
+They read `auv_gym` channels by name and are independent of identification.
 """
 
 import lazy_loader

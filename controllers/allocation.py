@@ -1,4 +1,4 @@
-"""Control allocation: from a wanted wrench to the thrust of each thruster, within what each of them can give."""
+"""Control allocation: from a wanted wrench to the thrust of each thruster, within its limits."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from auv_gym.plant.thrusters import Thrusters, find_thrusters, served_axes
 from controllers.predictive.program import solver
 
 AXES = ("surge_N", "sway_N", "heave_N", "roll_Nm", "pitch_Nm", "yaw_Nm")
-# The square of full thrust against that of a full wrench: an error of a thousandth of what the thrusters can give
-# costs as much as one of them at full thrust, so that effort only chooses among thrusts of the same wrench.
+# Weight of full thrust, squared, relative to a full wrench: an error of a thousandth of the thrusters' capability costs
+# as much as one thruster at full thrust, so that effort only decides among thrusts of the same wrench.
 _EFFORT = 1e-6
-_BEYOND = 1e-6  # of the thrust at the edge of a dead zone: small, and still a command that differs from the edge's
-_RANK = 1e-9  # of the largest singular value: what is smaller is rounding
+_BEYOND = 1e-6  # of the thrust at the edge of a dead zone: small, but a command that differs from the edge's
+_RANK = 1e-9  # of the largest singular value; smaller ones are rounding
 
 
 class Shared(NamedTuple):
-    """Thrusts, N, (n,); the wrench that they reach, (6,); whether that is the wanted one but for rounding."""
+    """Thrusts, N, (n,); the wrench that they reach, (6,); whether this is the wanted one up to rounding."""
 
     thrusts: np.ndarray
     reached: np.ndarray
@@ -32,13 +32,13 @@ class Shared(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Allocation:
-    """Shares a wrench among n thrusters: least weighted error of the wrench, then least effort.
+    """Allocation of a wrench to n thrusters: least weighted error of the wrench, then least effort.
 
     matrix: (6, n), the wrench of 1 N of each thruster, N and N m in body axes.  lowest, highest: (n,), thrusts, N.
-    dead_low, dead_high: (n,), the thrusts at the edges of the dead zone, between which a thruster gives none but 0.
-    left: (n,), the share of its thrust that each thruster has left, 0 for a lost one; default 1.
-    counts: which of the axes count; an axis that the thrusters cannot move by itself must not.  axis_weights: (6,), of
-    errors, default 1 over what the thrusters can give in each axis.
+    dead_low, dead_high: (n,), the thrusts at the edges of the dead zone; between them, a thruster can only give 0.
+    left: (n,), the remaining share of each thruster's thrust, 0 for a lost one; default 1.
+    counts: which axes count; an axis that the thrusters cannot move independently must not.  axis_weights: (6,), of
+    errors, default 1 over the thrusters' capability in each axis.
     Source: Johansen and Fossen 2013, Control allocation: a survey, Automatica 49(5), secs. 2.2 and 2.4.
     """
 
@@ -79,15 +79,15 @@ class Allocation:
             raise ValueError(f"Allocation needs 6 axis_weights of at least 0, got {self.axis_weights!r}.")
 
     def inverse(self, wrench: np.ndarray) -> np.ndarray:
-        """The thrusts of least effort without limits and dead zones, (n,): a weighted pseudo-inverse."""
+        """The thrusts of least effort, without limits and dead zones, (n,): a weighted pseudo-inverse."""
         return self._inverse @ wrench
 
     def share(self, wrench: np.ndarray) -> Shared:
-        """The thrusts within limits and outside of dead zones that come nearest to a wrench, (6,), and what they reach.
+        """The thrusts within limits and outside dead zones that come closest to a wrench, (6,), and the wrench reached.
 
-        Where `inverse` is possible, it is the answer. Else a quadratic program decides; thrusters that it puts inside
-        their dead zone are switched off or kept beyond its edge, one after the other, whichever leaves less error once
-        the others have made up for it.
+        If `inverse` is feasible, it is the answer. Otherwise a quadratic program decides; thrusters that it puts inside
+        their dead zone are switched off or moved to its edge, one after another, whichever leaves the smaller error
+        after the others have compensated.
         """
         wanted = np.asarray(wrench, dtype=float)
         if wanted.shape != (6,) or not np.isfinite(wanted).all():
@@ -112,7 +112,7 @@ class Allocation:
         return Shared(thrusts, reached, bool(np.abs(error).max() < _RANK))
 
     def commandable(self, thrusts: np.ndarray) -> np.ndarray:
-        """The thrusts that whole thrusters would give at the commands that make lossy ones give these, (n,), N."""
+        """The thrusts that intact thrusters would give at the commands for these thrusts of degraded ones, (n,), N."""
         return np.divide(thrusts, self._left, out=np.zeros_like(thrusts), where=self._left > 0.0)
 
     @cached_property
@@ -130,12 +130,12 @@ class Allocation:
 
     @cached_property
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
-        """The lowest and the highest thrust of each thruster as it is left, (n,) each, N."""
+        """The lowest and the highest remaining thrust of each thruster, (n,) each, N."""
         return self._left * self.lowest, self._left * self.highest
 
     @cached_property
     def weights(self) -> np.ndarray:
-        """Of the errors in each axis; an axis that does not count, or that nothing moves, has none."""
+        """The weights of the errors in each axis; zero for an axis that does not count or that nothing moves."""
         low, high = self.limits
         most = np.maximum(self.matrix * high, self.matrix * low).sum(axis=1)
         least = np.minimum(self.matrix * high, self.matrix * low).sum(axis=1)
@@ -146,7 +146,7 @@ class Allocation:
 
     @cached_property
     def _scale(self) -> np.ndarray:
-        """Half the range of each thruster as it is left, (n,), N."""
+        """Half the remaining range of each thruster, (n,), N."""
         low, high = self.limits
         return 0.5 * (high - low)
 
@@ -156,7 +156,7 @@ class Allocation:
         return self._scale[:, None] * np.linalg.pinv(scaled, rcond=_RANK) * self.weights
 
     def _inside(self, thrusts: np.ndarray) -> np.ndarray:
-        """Which thrusts are strictly inside of a dead zone, and not 0."""
+        """Which thrusts are strictly inside a dead zone, and not 0."""
         start, end = self._dead_left
         slack = _RANK * self._scale
         return (thrusts > start + slack) & (thrusts < end - slack) & (np.abs(thrusts) > slack)
@@ -167,16 +167,16 @@ class Allocation:
         return float(error @ error + _EFFORT * (away @ away))
 
     def _farthest(self, thrusts: np.ndarray, inside: np.ndarray) -> int:
-        """Of the thrusters inside their dead zones, the one that is farthest from what it can give."""
+        """The thruster inside its dead zone that is farthest from a possible thrust."""
         start, end = self._dead_left
         edges = np.where(thrusts > 0.0, end, start)
         return int(np.argmax(np.where(inside, np.minimum(np.abs(thrusts), np.abs(edges - thrusts)), -1.0)))
 
     def _solve(self, wanted: np.ndarray, ideal: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """The best thrusts within bounds; effort is counted from the unlimited solution.
+        """The best thrusts within bounds; effort is measured from the unlimited solution.
 
-        Among thrusts of the same wrench that is the effort itself, and the program then meets `inverse` where the
-        limits end.
+        For thrusts with the same wrench, this equals the effort itself, so that the program is continuous with
+        `inverse` at the limits.
         """
         thrusts, free = low.copy(), high > low
         if not free.any():
@@ -189,17 +189,17 @@ class Allocation:
         linear = 2.0 * (reach.T @ gap - _EFFORT * ideal[free] / scale)
         upper, lower = high[free] / scale, low[free] / scale
         x, _, status, _ = solver().solve(hessian, linear, np.zeros((0, scale.size)), upper, lower, primal_tol=1e-10)
-        if status <= 0:  # the program is strictly convex and its bounds are not empty: numbers are out of all scale
+        if status <= 0:  # the program is strictly convex and its bounds are not empty, so numbers must be badly scaled
             raise ValueError(f"The allocation of the wrench {wanted.tolist()} failed: give one in N and N m.")
         thrusts[free] = np.clip(scale * x, low[free], high[free])
         return thrusts
 
 
 def allocation_of(plant: Plant, lost: Mapping[str, float] | None = None) -> tuple[Allocation, Thrusters]:
-    """The allocation to a vehicle's thrusters in the axes that they serve one by one, and the thrusters themselves.
+    """The allocation to a vehicle's thrusters in the axes that they serve independently, and the thrusters.
 
     lost: by a thruster's name, the share of its thrust that is known to be lost, 1 for all of it.
-    Raises ValueError on vehicles without thrusters, and on names that are none of theirs.
+    Raises ValueError for vehicles without thrusters, and for names of other things.
     """
     thrusters = find_thrusters(plant)
     names = [part.name for part in plant.family.body.thrusters]
@@ -228,9 +228,9 @@ def allocation_of(plant: Plant, lost: Mapping[str, float] | None = None) -> tupl
 
 
 def _edges(curve: np.ndarray) -> tuple[float, float]:
-    """The thrusts just outside of a dead zone: beyond those at the same command as the last thrust of 0 on either side.
+    """The thrusts just outside a dead zone, on both sides.
 
-    At its edge itself, the command still gives none.
+    At the edge itself, the command still gives no thrust.
     """
     thrusts, commands = curve.T
     at_rest = commands[thrusts == 0.0]

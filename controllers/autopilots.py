@@ -1,4 +1,4 @@
-"""The controller of a vehicle for all of its targets, from tuned gains and the vehicle's own limits and signs."""
+"""Autopilots: the controller of a vehicle for all of its targets, from tuned gains and the vehicle's own limits."""
 
 from __future__ import annotations
 
@@ -21,9 +21,8 @@ def autopilot(plant: Plant, kind: str = "pid", targets: Sequence[str] | None = N
     """Make a vehicle's controller for its targets, with limits, signs and trim taken from the plant.
 
     kind: "pid", "s_plane" or "gpc".  targets: channels, by default depth, heading and speed of a torpedo, a glider's
-    heading, a float's depth, position and heading of a vehicle that hovers; `pitch_rad` in the place of a torpedo's
-    depth.  settings: of `pid_autopilot`, `s_plane_autopilot` or `gpc_autopilot`.  A channel without a target is left
-    alone.
+    heading, a float's depth, position and heading of a vehicle that hovers; `pitch_rad` may replace a torpedo's depth.
+    settings: of `pid_autopilot`, `s_plane_autopilot` or `gpc_autopilot`.  A channel without a target is not controlled.
 
     Example:
 
@@ -67,12 +66,12 @@ def pid_autopilot(
     gains: str | os.PathLike | Gains | None = None,
     **own: Any,
 ) -> Controller:
-    """PID loops with the gains tuned for the vehicle: depth by way of pitch, heading, speed; a float's depth.
+    """PID loops with the gains tuned for the vehicle: depth by pitch, heading, speed; a float's depth.
 
-    dt: s between calls, default the plant's.  pitch_limit: rad, in place of the tuned one.  gains: a file, or the
-    gains themselves.  Raises where there are none for this vehicle and time.
-    A vehicle that hovers needs none: they follow from its model and from settings of its own, see `controllers.kinds`;
-    gains that are given have such settings by axis.
+    dt: s between calls, default the plant's.  pitch_limit: rad, instead of the tuned one.  gains: a file, or the gains
+    themselves.  Raises if there are none for this vehicle and sample time.
+    A vehicle that hovers needs no gains: they follow from its model and from its own settings, see `controllers.kinds`;
+    given gains hold such settings by axis.
     """
     kind = KINDS.of(plant.family)
     _check_pitch_limit(plant, kind, pitch_limit)
@@ -92,10 +91,10 @@ def s_plane_autopilot(
     dt: float | None = None,
     gains: str | os.PathLike | Gains | None = None,
 ) -> Controller:
-    """S-plane loops of a torpedo, each from one channel straight to one command, as Xu et al. 2013 have them.
+    """S-plane loops of a torpedo, each from one channel directly to one command, as in Xu et al. 2013.
 
-    dt: s between calls, default the plant's.  gains: a file, or the gains themselves.  Raises where there are none for
-    this vehicle and time.
+    dt: s between calls, default the plant's.  gains: a file, or the gains themselves.  Raises if there are none for
+    this vehicle and sample time.
     """
     kind = KINDS.of(plant.family)
     if kind.s_plane is None:
@@ -115,15 +114,15 @@ def gpc_autopilot(
     gains: str | os.PathLike | Gains | None = None,
     **settings: Any,
 ) -> Controller:
-    """Predictive control on `linearise(plant)`: depth, heading and speed of a torpedo, each by a Gpc of its own.
+    """Predictive control on `linearise(plant)`: depth, heading and speed of a torpedo, each by its own Gpc.
 
-    Planes hold the depth within pitch_limit, rad, default 20 degrees either side of trim; rudder and propulsion do the
-    rest; fins are turned further where it goes slower.  A glider's rudder holds its heading, a float's engine its
-    depth.  One motion each, as at cruise they do not act on each other at first order.
-    targets: some of these channels, default all; `pitch_rad` in the place of depth.  dt: s between plans, a multiple of
-    the plant's, with which the filters go; default a third of the time for a torpedo's length, a fifteenth of a float's
-    engine's time.  gains: a file, or the gains themselves, which have settings of each channel's Gpc.  settings:
-    further ones of every Gpc.
+    Planes hold the depth within pitch_limit, rad, default 20 degrees either side of trim; rudder and propulsion control
+    the rest; fins are deflected more at lower speed.  A glider's rudder holds its heading, a float's engine its depth.
+    Each motion has its own controller, since at cruise they are decoupled at first order.
+    targets: some of these channels, default all; `pitch_rad` may replace depth.  dt: s between plans, a multiple of the
+    plant's, at which the filters run; default a third of the time for a torpedo's length, a fifteenth of the time of a
+    float's engine.  gains: a file, or the gains themselves, with settings of each channel's Gpc.  settings: further
+    ones of every Gpc.
     """
     kind = KINDS.of(plant.family)
     makers = kind.plans
@@ -150,7 +149,7 @@ def gpc_autopilot(
 
 
 def _samples(plant: Plant, every: Callable[[Plant], float], dt: float | None) -> int:
-    """Samples of the plant from one plan to the next."""
+    """The number of the plant's samples between plans."""
     samples = max(round((every(plant) if dt is None else dt) / plant.dt), 1)
     if dt is not None and abs(samples * plant.dt - dt) > 1e-6 * dt:
         raise ValueError(f"gpc_autopilot needs dt a multiple of the {plant.dt:g} s of {plant.name!r}, got {dt!r}.")

@@ -1,4 +1,4 @@
-"""What a controller is: from a reading and a target to a command, with its memory passed in and returned."""
+"""The controller protocol: from a reading and a target to a command, with the memory passed in and returned."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ class Controller(Protocol[State]):
     """A controller in discrete time; pure, so that a run can be repeated, cut and resumed."""
 
     def start(self) -> State:
-        """The memory of a controller that has not acted yet."""
+        """The memory of a controller before its first call."""
         ...
 
     def act(
         self, state: State, reading: Mapping[str, float], target: Mapping[str, float]
     ) -> tuple[dict[str, float], State]:
-        """The commands by channel name and the next memory; the memory passed in is not changed.
+        """The commands by channel name and the next memory; the given memory is not changed.
 
         reading: measured channels, and `dt_s`, the time since the last call, s.  target: wanted values by channel.
         """
@@ -27,7 +27,7 @@ class Controller(Protocol[State]):
 
 
 def time_step(reading: Mapping[str, float]) -> float:
-    """The time since a controller's last call, s, `dt_s` among its readings; raises ValueError where it is missing."""
+    """The time since a controller's last call, s, from the reading `dt_s`; raises ValueError if it is missing."""
     try:
         return reading["dt_s"]
     except KeyError:

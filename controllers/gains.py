@@ -16,7 +16,7 @@ from auv_gym.writing import write_text
 
 Loops = Mapping[str, Mapping[str, float]]
 
-_FACTOR = 2.0  # between sample times for which one set of gains will do
+_FACTOR = 2.0  # largest ratio of sample times for which one set of gains suffices
 
 
 @dataclass(frozen=True)
@@ -24,8 +24,8 @@ class Gains:
     """The tuned gains of a vehicle's controllers at a sample time, s.
 
     loops: by kind of controller ("pid", "s_plane") and loop ("heading"), the settings of its law by name.
-    bow_share: how far the bow planes move for the stern planes, negative where they act against each other in pitch.
-    notes: by kind, what a test of these gains found, in sentences.
+    bow_share: movement of the bow planes relative to the stern planes, negative if they oppose each other in pitch.
+    notes: by kind, findings of a test of these gains, in sentences.
     """
 
     vehicle: str
@@ -35,7 +35,7 @@ class Gains:
     notes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def law(self, kind: str, loop: str) -> dict[str, Any]:
-        """The settings of one law; raises ValueError where these gains have none."""
+        """The settings of one law; raises ValueError if these gains have none."""
         try:
             return dict(self.loops[kind][loop])
         except KeyError:
@@ -47,7 +47,7 @@ class Gains:
 
 
 class NoGains(ValueError):
-    """There are no gains of a vehicle, at whatever sample time."""
+    """Raised if there are no gains for a vehicle at any sample time."""
 
 
 def gains_for(vehicle: str, dt: float, path: str | os.PathLike | None = None) -> Gains:
@@ -78,7 +78,7 @@ def gains_for(vehicle: str, dt: float, path: str | os.PathLike | None = None) ->
 
 
 def read_gains(path: str | os.PathLike | None = None) -> tuple[Gains, ...]:
-    """Read all entries of a gains file, by default that of the presets; raises with what is wrong in it.
+    """Read all entries of a gains file, by default that of the presets; raises an error that says what is wrong.
 
     Example:
 
@@ -99,7 +99,7 @@ def read_gains(path: str | os.PathLike | None = None) -> tuple[Gains, ...]:
 
 
 def write_gains(entries: Sequence[Gains], path: str | os.PathLike) -> None:
-    """Write entries in the order of vehicle and sample time; aside first, then renamed.
+    """Write entries, ordered by vehicle and sample time; aside first, then renamed.
 
     Example:
 
@@ -128,7 +128,7 @@ def write_gains(entries: Sequence[Gains], path: str | os.PathLike) -> None:
 
 
 def with_gains(entries: Sequence[Gains], gains: Gains) -> tuple[Gains, ...]:
-    """Entries with these gains among them; laws of the same vehicle and sample time that they do not have stay."""
+    """Entries updated with these gains; other laws for the same vehicle and sample time are kept."""
     same = [e for e in entries if (e.vehicle, e.dt) == (gains.vehicle, gains.dt)]
     loops = {law: of_law for entry in same for law, of_law in entry.loops.items()} | dict(gains.loops)
     notes = {law: of_law for entry in same for law, of_law in entry.notes.items() if law not in gains.loops}
@@ -157,7 +157,7 @@ def _text(path: str | os.PathLike) -> str:
 
 
 def _quoted(text: str) -> str:
-    """A text as TOML has it."""
+    """A text as a TOML string."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 

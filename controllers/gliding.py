@@ -1,4 +1,4 @@
-"""Gliders that fly: to a depth, and over yos to a waypoint in a current, as their operators have them fly."""
+"""Autopilots of flying gliders: to a depth, and in yos to a waypoint in a current, as operators fly them."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from auv_gym.plant import Plant
 from auv_gym.plant.flying import Flight, battery_for, turning_input
 from controllers.controller import time_step
 
-_STEEPEST = 0.9  # of the speed, that a heading may take to make up for a current across
-_SOFT = 2.0  # samples in which an error of heading is to vanish
+_STEEPEST = 0.9  # of the speed; largest component that a heading may use to compensate for a cross current
+_SOFT = 2.0  # samples in which a heading error is to vanish
 
 
 @dataclass(frozen=True)
 class GlideToDepth:
     """Engine and pitch in proportion to the distance from the wanted depth, within `band` m of it; no memory.
 
-    neutral, half: m^3, the engine's volume at rest and what it may move from there.  pitch: rad, the steepest.
-    steered: the glider whose battery gives the pitch, None where pitch itself is commanded.
+    neutral, half: m^3, the engine's volume at rest and its range about it.  pitch: rad, the steepest.
+    steered: the glider whose battery sets the pitch, None if pitch itself is commanded.
     """
 
     neutral: float
@@ -40,7 +40,7 @@ class GlideToDepth:
     def act(
         self, state: None, reading: Mapping[str, float], target: Mapping[str, float]
     ) -> tuple[dict[str, float], None]:
-        """reading: depth_m.  target: depth_m."""
+        """Readings: depth_m.  Target: depth_m."""
         share = min(max((target["depth_m"] - reading["depth_m"]) / self.band, -1.0), 1.0)
         engine, pitch = self.neutral - share * self.half, -share * self.pitch
         moved = pitch if self.steered is None else battery_for(self.steered, pitch, engine)
@@ -49,11 +49,11 @@ class GlideToDepth:
 
 @dataclass(frozen=True)
 class YoPilot:
-    """The operators' rule: yos between the surface and a depth, on the heading that makes up for the last current.
+    """The operators' rule: yos between the surface and a depth, on a heading that compensates for the last current.
 
-    plant: the steered glider.  neutral, lift: m^3, the engine's volume at rest and what it is flown off that by.
-    pitch: rad, of dives and climbs.  apogee: m, where a climb begins.  surface: m, where the next dive begins.
-    flight: steady flight of a dive, which says how fast roll or fin turn it.  Its memory is whether it climbs.
+    plant: the steered glider.  neutral, lift: m^3, the engine's volume at rest and its deviation from it in flight.
+    pitch: rad, of dives and climbs.  apogee: m, start of a climb.  surface: m, start of the next dive.
+    flight: steady flight of a dive, which gives the turn rate by roll or fin.  The memory is whether it climbs.
     """
 
     plant: Plant
@@ -76,9 +76,9 @@ class YoPilot:
     def act(
         self, state: bool, reading: Mapping[str, float], target: Mapping[str, float]
     ) -> tuple[dict[str, float], bool]:
-        """reading: depth_m, heading_rad, north_m, east_m, dt_s, and the current where one is known.  target: a place.
+        """Readings: depth_m, heading_rad, north_m, east_m, dt_s, and the current if known.  Target: a place.
 
-        The target's depth is left alone.
+        The target's depth is ignored.
         """
         depth = reading["depth_m"]
         climbing = depth > self.surface if state else depth >= self.apogee
@@ -93,7 +93,7 @@ class YoPilot:
         return dict(zip(self.commands, moved, strict=True)), climbing
 
     def _turned(self, turn: float, side: float) -> float:
-        """The fin or the battery's angle, rad, for a rate of turn, rad/s."""
+        """The fin angle, or the battery's angle, rad, for a turn rate, rad/s."""
         s, (name, limit) = self.plant.parameters.steering, turning_input(self.plant)
         if name == "rudder_rad":
             angle = turn / (self.flight.speed * s.turn_rudder)

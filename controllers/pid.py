@@ -13,17 +13,18 @@ from controllers.tracking import OneChannel
 
 _INTEGRAL_RANGE = 0.2618  # rad, 15 deg: more than any steady error, less than a change of course
 _SLOW = 0.2  # the third pole over the other two
-_NEAR_REST = 0.1  # of a float's fastest speed: how it moves where its controller has to settle it
+_NEAR_REST = 0.1  # of a float's top speed: its dynamics where its controller has to settle it
 
 
 @dataclass(frozen=True)
 class Pid(OneChannel):
-    """PID with the derivative taken of the measurement and filtered; the errors of angles are wrapped.
+    """PID with a filtered derivative of the measurement; errors of angles are wrapped.
 
-    Gains: command per error, per error and s, per rate of the reading; negative where the command acts the other way.
-    integral_range: error beyond which nothing is integrated, so that a large step of the target does not overshoot.
-    The rest, by name: see `controllers.tracking.OneChannel`.
-    Against windup the integral also rests while the error pushes the command further beyond a limit (clamping).
+    Gains: command per error, per error and s, per rate of the reading; negative if the command acts in the opposite
+    direction.
+    integral_range: error beyond which nothing is integrated, so that a large step of the target does not cause
+    overshoot.  For the other settings, see `controllers.tracking.OneChannel`.
+    Against windup, the integral is also held while the error pushes the command further beyond a limit (clamping).
     Source: Astrom and Hagglund 2006, Advanced PID Control, sec. 3.3 and 3.5.
 
     Example:
@@ -64,11 +65,11 @@ class Pid(OneChannel):
 
 
 def heading_pid(plant: Plant, *, settling: float | None = None, rate_limit: float = inf) -> Pid:
-    """A heading controller with its poles placed on the plant's linear form at nominal speed, effects left out.
+    """A heading controller with poles placed for the plant's linear form at nominal speed, without effects.
 
     From rudder to heading the form is k / (s (T s + 1)); with equation (15) k has the direct term K_y3. Two poles go to
-    -1/settling and one to a fifth of that. Where the lag T is too short to be worth it, the derivative gain is zero
-    and only the two slower poles are placed.  settling: s, default the larger of T and 3 samples.
+    -1/settling and one to a fifth of that. If the lag T is too short to matter, the derivative gain is zero and only
+    the two slower poles are placed.  settling: s, default the larger of T and 3 samples.
     Raises for other vehicles, or if the rudder does not turn this one.  Source: Astrom and Murray 2021, sec. 8.2.
 
     Example:
@@ -93,7 +94,7 @@ def heading_pid(plant: Plant, *, settling: float | None = None, rate_limit: floa
             f"The rudder of {plant.name!r} does not turn it steadily (damping {damping:g} 1/s, rudder {rudder:g} "
             "1/s^2): check hull.n_r and hull.n_delta."
         )
-    # The rudder moves the heading at once where K_y3 carries the gain; the lag is that of the rest.
+    # With K_y3, the rudder also moves the heading directly; the lag applies to the rest.
     lag = (rudder / damping) / (rudder / damping - hull.rudder_heading_rate) / -damping
     lag = max(lag, 0.0)
     if settling is None:
@@ -110,12 +111,12 @@ def heading_pid(plant: Plant, *, settling: float | None = None, rate_limit: floa
 
 
 def float_depth_pid(plant: Plant, *, settling: float | None = None, rate_limit: float | None = None) -> Pid:
-    """A depth controller by the piston, its poles placed on the float's linear form near rest, effects left out.
+    """A depth controller by the piston with poles placed for the float's linear form near rest, without effects.
 
     Two poles go to -1/settling and one to a fifth of that, as in `heading_pid`. It starts from the neutral position,
-    integrates where the error alone would not drive the piston to an end, and moves the command no faster than the
-    piston goes.  settling: s, default the largest of the float's lag, 3 samples, and 1.5 times what the piston takes
-    to an end of its range.  rate_limit: m/s, default the piston's.
+    integrates only where the error alone would not drive the piston to an end, and moves the command no faster than the
+    piston.  settling: s, default the largest of the float's lag, 3 samples, and 1.5 times the piston's travel time to
+    an end of its range.  rate_limit: m/s, default the piston's.
     Raises for vehicles without a piston.  Source: Astrom and Murray 2021, sec. 8.2; the form is equation (5) of Zhong
     et al. 2024, linearised.
 

@@ -15,17 +15,17 @@ from controllers.composed.loops import commanded_inputs
 from controllers.controller import Controller
 from controllers.kinds import KINDS
 
-_WRENCH = {name.rpartition("_")[0]: name for name in AXES}  # actions of environments that a wrench moves
+_WRENCH = {name.rpartition("_")[0]: name for name in AXES}  # actions of environments that are axes of a wrench
 
 
 @dataclass(frozen=True)
 class Pilot:
-    """A controller in the place of a policy: it acts on the readings and targets that the infos have."""
+    """A controller in place of a policy: it acts on the readings and targets in the infos."""
 
     controller: Controller
 
     def begin(self, env: Any) -> Callable[[np.ndarray, Mapping[str, Any]], np.ndarray]:
-        """What gives an action for each observation and info of one new episode, see `auv_gym.rl.evaluation.Agent`."""
+        """Start an episode; returns the function from observation and info to action, see `rl.evaluation.Agent`."""
         inner: Any = env.unwrapped
         controller, memory = self.controller, self.controller.start()
         before: float | None = None
@@ -45,8 +45,8 @@ def pilot_for(env: Any, kind: str, **settings: Any) -> Pilot:
     """The autopilot of an environment's vehicle for the environment's target; raises if there is none.
 
     kind: "pid", "s_plane" (or "s-plane"), "gpc".  It knows the vehicle without its effects.  settings: as `autopilot`.
-    Where a vehicle cannot follow all parts of the target (pitch, with thrusters that have no arm there), it follows the
-    others.
+    If a vehicle cannot follow all parts of the target (for example pitch, if thrusters have no lever arm), it follows
+    the others.
 
     Example:
 
@@ -87,5 +87,5 @@ def pilot_for(env: Any, kind: str, **settings: Any) -> Pilot:
 
 
 def _commanded(action: str) -> str:
-    """The name under which a controller commands an action."""
+    """The command of a controller for an action."""
     return _WRENCH.get(action, action)

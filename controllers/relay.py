@@ -1,4 +1,4 @@
-"""A command that switches when the vehicle has answered: zigzag manoeuvres, bang-bang control."""
+"""A command that switches in response to the vehicle: zigzag manoeuvres, bang-bang control."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from controllers.controller import Controller
 
 
 class RelayState(NamedTuple):
-    """Memory of the controller, what the channel swings about (None: not known yet), and the side, 1, -1, or 0."""
+    """Memory of the controller, centre of the channel's oscillation (None: unknown), and side, 1, -1, or 0."""
 
     controller: Any
     middle: float | None
@@ -22,11 +22,11 @@ class RelayState(NamedTuple):
 
 @dataclass(frozen=True)
 class Relay:
-    """A controller with a relay: one command switches sides when a channel passes a band.
+    """A controller with a relay: one command switches sides when a channel leaves a band.
 
-    command: +amplitude about `neutral` until `measured` is `band` above its middle, then -amplitude until it is as
-    far below.  amplitude: negative where a positive command lowers the channel.
-    follow: whether the middle is the target of the channel; else it is its first reading.
+    command: +amplitude about `neutral` until `measured` is `band` above its middle, then -amplitude until it is as far
+    below.  amplitude: negative if a positive command lowers the channel.
+    follow: whether the middle is the target of the channel; otherwise it is its first reading.
     Without a finite reading nothing changes.
     Source: IMO resolution MSC.137(76), annex, 4.2.2 (zigzag); Astrom and Hagglund 2006, sec. 8.4 (relay).
 
@@ -49,7 +49,7 @@ class Relay:
 
     def __post_init__(self) -> None:
         for name in (self.command, self.measured):
-            channel(name)  # raises on an unknown one
+            channel(name)  # raises if it is unknown
         if not isfinite(self.amplitude) or self.amplitude == 0.0 or not isfinite(self.neutral):
             raise ValueError(
                 f"Relay needs an amplitude other than 0 and a finite neutral command, got {self.amplitude!r} and "
@@ -95,10 +95,10 @@ class Relay:
 
 
 def zigzag(controller: Controller, angle: float, *, to_starboard: int = 1, heading: float | None = None) -> Relay:
-    """The zigzag angle/angle, rad: rudder to that side until the heading has changed as much, then to the other.
+    """The zigzag angle/angle, rad: rudder to one side until the heading has changed as much, then to the other.
 
     to_starboard: the sign of a rudder that turns the bow to starboard.  heading: change of heading at which the rudder
-    is put over, rad, default `angle`.  The controller keeps the rest, such as depth and speed.
+    is reversed, rad, default `angle`.  The controller holds the rest, such as depth and speed.
 
     Example:
 

@@ -1,4 +1,4 @@
-"""S-plane control: a sigmoid of error and rate in the place of a PID's proportional and derivative part."""
+"""S-plane control: a sigmoid of error and rate instead of a PID's proportional and derivative part."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from controllers.tracking import OneChannel
 
 @dataclass(frozen=True)
 class SPlane(OneChannel):
-    """Command = neutral + span m, m = 2 / (1 + exp(-k1 e - k2 e')) - 1 + k3 integral of e dt.
+    """S-plane law: command = neutral + span m, m = 2 / (1 + exp(-k1 e - k2 e')) - 1 + k3 integral of e dt.
 
     e and e' are the error over `error_scale` and its rate over `rate_scale`; the rate is that of the measurement, so
-    that a step of the target does not kick.  m is held within [-1, 1], its integral part within `integral_limit`, and
-    that rests while it would push the command further beyond a limit.  span: of the command, negative where it acts the
-    other way.  The rest, by name: see `controllers.tracking.OneChannel`.  Source: Xu, Zou, Yin and Cao 2013, Ocean
-    Engineering 67, equation (21); the paper says that inputs and output are normalised and not by what, so the scales
-    are ours.
+    that a step of the target does not kick.  m is limited to [-1, 1], its integral part to `integral_limit`; the
+    integral is held while it would push the command further beyond a limit.  span: of the command, negative if it acts
+    in the opposite direction.  For the other settings, see `controllers.tracking.OneChannel`.  Source: Xu, Zou, Yin and
+    Cao 2013, Ocean Engineering 67, equation (21); the paper does not give its normalisation of inputs and output, so
+    the scales are ours.
 
     Example:
 

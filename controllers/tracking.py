@@ -1,4 +1,4 @@
-"""What the laws of control of one channel share: the error, its rate, the command that holds a target, and limits."""
+"""Shared parts of single-channel control laws: error, rate, the command that holds a target, and limits."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def wrapped(angle: float) -> float:
 
 
 def error_of(name: str, target: float, measured: float) -> float:
-    """Target minus measured; of an angle, the short way round."""
+    """Target minus measured; for an angle, the short way round."""
     return wrapped(target - measured) if channel(name).angle else target - measured
 
 
@@ -32,10 +32,10 @@ def filtered_rate(
     rate: float,
     filter_time: float,
 ) -> float:
-    """The rate of a channel through a first-order filter: as measured where it is, else differences of readings.
+    """The rate of a channel through a first-order filter, measured or else from differences of readings.
 
-    rate_name: the channel that measures it, or "".  last: the reading before (None: there is none).  rate: the filtered
-    rate before.  filter_time: s.
+    rate_name: the channel that measures it, or "".  last: the previous reading (None: there is none).  rate: the
+    previous filtered rate.  filter_time: s.
     """
     dt = time_step(reading)
     measured = reading.get(rate_name, inf) if rate_name else inf
@@ -47,7 +47,7 @@ def filtered_rate(
 
 
 def holding_command(steady: Points, target: float, neutral: float) -> float:
-    """The command that holds a target: between (target, command) points a straight line; neutral without points."""
+    """The command that holds a target: linear between (target, command) points; neutral without points."""
     if not steady:
         return neutral
     if target <= steady[0][0]:
@@ -60,7 +60,7 @@ def holding_command(steady: Points, target: float, neutral: float) -> float:
 
 @dataclass(frozen=True)
 class Memory:
-    """Memory of a law of one channel: the integral's part, the filtered rate, last reading and command (None: none)."""
+    """Memory of a single-channel law: integral part, filtered rate, last reading and command (None: none)."""
 
     integral: float = 0.0
     rate: float = 0.0
@@ -70,12 +70,12 @@ class Memory:
 
 @dataclass(frozen=True, kw_only=True)
 class OneChannel(ABC):
-    """A law of one channel by one command: what all of these do about readings, targets, rates and limits.
+    """A law of one channel by one command, with the shared handling of readings, targets, rates and limits.
 
     measured: the channel.  filter_time: s, of the rate.  limit: largest command, either side of `middle`.  rate_limit:
-    of the command, per s, from `neutral` on.  neutral: the command without an error, where it starts.  rate_measured:
-    a channel that the rate is taken from where the reading has it.  steady: (target, command) points in place of
-    `neutral`.
+    of the command, per s, starting from `neutral`.  neutral: the command without an error, where it starts.
+    rate_measured: a channel that measures the rate, used if it is among the readings.  steady: (target, command) points
+    instead of `neutral`.
     """
 
     measured: str = "heading_rad"
@@ -102,7 +102,7 @@ class OneChannel(ABC):
     def act(
         self, state: Memory, reading: Mapping[str, float], target: Mapping[str, float]
     ) -> tuple[dict[str, float], Memory]:
-        """The command and the next memory; without a finite reading both stay as they are."""
+        """The command and the next memory; without a finite reading both stay the same."""
         measured = reading[self.measured]
         last = self.neutral if state.command is None else state.command
         if not isfinite(measured):
@@ -117,15 +117,15 @@ class OneChannel(ABC):
     def _answer(
         self, error: float, rate: float, steady: float, last: float, integral: float, dt: float
     ) -> tuple[float, float]:
-        """The command and the next integral; steady: the command that holds the target, last: the one before."""
+        """The command and the next integral; steady: the command that holds the target, last: the previous one."""
 
     def _within_limits(self, wanted: float, last: float, dt: float) -> float:
-        """The command within its limits and at most as far from the last one as it may go in dt s."""
+        """The command within its limits, and within the largest change from the last one in dt s."""
         command = min(max(wanted, self.middle - self.limit), self.middle + self.limit)
         return min(max(command, last - self.rate_limit * dt), last + self.rate_limit * dt)
 
     def _check(self) -> None:
-        """Raises where the law cannot work with these channels, times and limits."""
+        """Raise if the law cannot work with these channels, times and limits."""
         law, limit, middle = type(self).__name__, self.limit, self.middle
         if not limit > 0.0 or not self.rate_limit > 0.0:
             raise ValueError(f"{law} needs positive limits, got limit {limit:g} and rate_limit {self.rate_limit:g}.")
@@ -140,4 +140,4 @@ class OneChannel(ABC):
             raise ValueError(f"{law} needs the points of `steady` in the order of their targets, got {self.steady!r}.")
         for name in (self.measured, self.command, self.rate_measured):
             if name:
-                channel(name)  # raises on an unknown one
+                channel(name)  # raises if it is unknown

@@ -1,6 +1,6 @@
-"""Yos of a glider in six degrees of freedom, by its engine and the place and angle of its battery.
+"""Yos of a glider in six degrees of freedom, by its engine and the position and angle of its battery.
 
-It is a body that its volume and masses move, see `auv_gym.plant.gliding`; for gliders that fly by a polar, see
+It is a body moved by its volume and masses, see `auv_gym.plant.gliding`; for gliders that fly by a polar, see
 `controllers.gliding`.
 """
 
@@ -13,14 +13,14 @@ from math import atan2
 from controllers.controller import time_step
 from controllers.tracking import wrapped
 
-_UNDER_WAY = 0.4  # of the engine's way from neutral, below which a glider hardly moves and is not steered
+_UNDER_WAY = 0.4  # of the engine's way from neutral; below this, a glider hardly moves and is not steered
 
 
 @dataclass(frozen=True)
 class Leg:
-    """How a dive or a climb is flown.
+    """The parameters of a dive or a climb.
 
-    volume: of the engine, m^3.  slide: position of the battery that gives the pitch, m.  pitch: set point, rad.
+    volume: of the engine, m^3.  slide: position of the battery for the pitch, m.  pitch: set point, rad.
     per_pitch: proportional gain, m of battery position per rad of pitch error.  per_turn: proportional gain, rad of
     battery angle per rad of heading error, negative if a negative angle turns to starboard.  angle: largest one, rad.
     """
@@ -35,7 +35,7 @@ class Leg:
 
 @dataclass(frozen=True)
 class YoMemory:
-    """Memory of a Yo: whether it climbs, the engine's volume by its rate, m^3 (None: unknown), error sums, rad s."""
+    """Memory of a Yo: whether it climbs, the rate-limited engine volume, m^3 (None: unknown), error sums, rad s."""
 
     climbing: bool = False
     engine: float | None = None
@@ -77,7 +77,7 @@ class Yo:
     def act(
         self, state: YoMemory, reading: Mapping[str, float], target: Mapping[str, float]
     ) -> tuple[dict[str, float], YoMemory]:
-        """reading: depth_m, pitch_rad, heading_rad, dt_s, and north_m and east_m to fly to a place.
+        """Readings: depth_m, pitch_rad, heading_rad, dt_s, and north_m and east_m to fly to a place.
 
         target: heading_rad, or a place, whose depth is ignored; without either, the battery stays upright.
         """
@@ -115,7 +115,7 @@ class Yo:
         return command, YoMemory(climbing, engine, pitch_sum, heading_sum)
 
     def _heading(self, reading: Mapping[str, float], target: Mapping[str, float]) -> float | None:
-        """The wanted heading, rad: the one that is asked for, or else that of the place."""
+        """The wanted heading, rad: the given one, or that of the place."""
         if "heading_rad" in target or "north_m" not in target:
             return target.get("heading_rad")
         return atan2(target["east_m"] - reading["east_m"], target["north_m"] - reading["north_m"])
@@ -124,7 +124,7 @@ class Yo:
 def _clamped(
     base: float, gain: float, total: float, error: float, dt: float, low: float, high: float
 ) -> tuple[float, float]:
-    """A command with its integral part within its limits, and the sum, which rests where it would push beyond one."""
+    """A command with its integral part within its limits, and the sum, held while it would exceed a limit."""
     summed = total + error * dt
     wanted = base + gain * summed
     beyond = (wanted > high and gain * error > 0.0) or (wanted < low and gain * error < 0.0)

@@ -1,1 +1,1 @@
-"""Controllers made of controllers: cascades, excitation, envelopes, and gains that follow the speed."""
+"""Controllers composed of controllers: cascades, excitation, envelopes, and gain scheduling with speed."""

@@ -1,4 +1,4 @@
-"""A controller that commands a wrench, on a vehicle that has thrusters: they share the wrench within what they can."""
+"""A controller of a wrench for a vehicle with thrusters, among which the wrench is allocated within their limits."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SHORT = tuple(f"{name.rpartition('_')[0]}_short_{name.rpartition('_')[2]}" for n
 
 
 class AllocatedState(NamedTuple):
-    """Memory of the controller, the wrench that was reached, and what it fell short of the wanted one, (6,) each."""
+    """Memory of the controller, the wrench reached, and its shortfall from the wanted one, (6,) each."""
 
     inner: Any
     reached: np.ndarray
@@ -27,14 +27,14 @@ class AllocatedState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Allocated:
-    """A controller of forces and moments in body axes (`surge_N` to `yaw_Nm`), whose commands thrusters share.
+    """A controller of forces and moments in body axes (`surge_N` to `yaw_Nm`), allocated to thrusters.
 
-    It reads, under these names, the wrench that the thrusters reached in the last sample, and under `surge_short_N` to
-    `yaw_short_Nm` what that was short of the wanted one, so that its integrals need not wind up. A target under a name
-    of the wrench is added to what the controller wants, so that axes can be excited or moved by hand.
-    controller: None for a vehicle that is moved by such targets alone.
-    Reports the wrench that was reached and the one that was wanted (`surge_cmd_N`), as the controller knows the
-    thrusters: what it was not told of (a loss, a low supply) is not in it.
+    Under these names it reads the wrench that the thrusters reached in the last sample, and under `surge_short_N` to
+    `yaw_short_Nm` its shortfall from the wanted one, for anti-windup. A target with a name of the wrench is added to
+    the controller's output, so that axes can be excited or moved manually.
+    controller: None for a vehicle that is only moved by such targets.
+    Reports the wrench reached and the one wanted (`surge_cmd_N`), by the controller's own model of the thrusters: an
+    unknown loss or low supply is not included.
     """
 
     controller: Controller | None
@@ -51,7 +51,7 @@ class Allocated:
 
     @property
     def adds(self) -> tuple[str, ...]:
-        """Targets that are added to what the controller wants."""
+        """Targets that are added to the controller's output."""
         return AXES
 
     def start(self) -> AllocatedState:

@@ -1,4 +1,4 @@
-"""An envelope around an experiment: a second controller takes over before depth, pitch or speed leave their limits."""
+"""An envelope around an experiment: a guard takes over before depth, pitch or speed leave their limits."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from controllers.controller import Controller
 
 
 class Track(NamedTuple):
-    """A channel as its readings show it: value, and rate per s."""
+    """The filtered readings of a channel: value, and rate per s."""
 
     value: float
     rate: float
 
 
 class EnvelopeState(NamedTuple):
-    """Memories of both controllers, tracks by channel, who acts, why the guard does, and for how long all was well."""
+    """Memories of both controllers, tracks by channel, whether the guard acts, why, and the time since all was well."""
 
     controller: Any
     guard: Any
@@ -35,15 +35,15 @@ class EnvelopeState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Envelope:
-    """A controller that switches to a guard while a reading is about to leave its limits.
+    """A controller that switches to a guard when a reading is about to leave its limits.
 
-    limits: (low, high) by channel, of readings and of what they will be after a sample and `lookahead`, s.
-    release: the share of half the range that all must be back inside of, for `calm`, s, until the controller acts.
-    smoothing: s, of value and rate against noise; 0: differences.  rates: channels that measure the rate of a limited
-    one, {"pitch_rad": "q_radps"}.  safe: targets of the guard; default those of the moment, moved inside.
-    Both are told the same all the time, so that two of one law keep one memory and hand over without a bump; a guard
-    with an integral beside a controller without one would wind up.
-    Reports `envelope_flag`, 1 while the guard acts, and `envelope_<channel>_flag`, 1 for what it acts on.
+    limits: (low, high) by channel, of readings and of their prediction for a sample plus `lookahead`, s, ahead.
+    release: all channels must be this share of half the range inside their limits for `calm`, s, before the controller
+    acts again.  smoothing: s, filter time of value and rate; 0: differences.  rates: channels that measure the rate of
+    a limited one, {"pitch_rad": "q_radps"}.  safe: targets of the guard; default the present ones, moved inside.
+    Both controllers always get the same inputs, so that two with the same law have the same memory and hand over
+    without a bump; a guard with an integral beside a controller without one would wind up.
+    Reports `envelope_flag`, 1 while the guard acts, and `envelope_<channel>_flag`, 1 for the channels that caused it.
 
     Example:
 
@@ -70,7 +70,7 @@ class Envelope:
         if not self.limits:
             raise ValueError("Envelope needs limits, such as {'depth_m': (5.0, 25.0)}, got none.")
         for name, given in self.limits.items():
-            channel(name)  # raises on an unknown one
+            channel(name)  # raises if it is unknown
             low, high = given
             if not -inf < low < high < inf:
                 raise ValueError(f"Envelope needs finite limits of {name}, low before high, got {list(given)}.")
@@ -101,7 +101,7 @@ class Envelope:
         self, state: EnvelopeState, reading: Mapping[str, float], target: Mapping[str, float]
     ) -> tuple[dict[str, float], EnvelopeState]:
         tracks = {name: self._tracked(name, state.tracks.get(name), reading) for name in self.limits}
-        horizon = reading["dt_s"] + self.lookahead  # what is commanded now holds for a sample
+        horizon = reading["dt_s"] + self.lookahead  # the present command is held for a sample
         leaving = frozenset(name for name, track in tracks.items() if self._beyond(name, track, horizon, 1.0))
         inside = not any(self._beyond(name, track, horizon, 1.0 - self.release) for name, track in tracks.items())
         calm = state.calm + reading["dt_s"] if inside and state.guarding else 0.0
@@ -112,7 +112,7 @@ class Envelope:
         excited, controller = self.controller.act(state.controller, reading, target)
         added = {name: excited.get(f"excitation_{name}", 0.0) for name in target}
         if any(added.values()):
-            # whoever rests is told what the other one is, or its integrals would run away from what is done
+            # the inactive controller gets the same target as the active one, to avoid integrator windup
             if guarding:
                 still = {name: value - added[name] for name, value in target.items()}
                 excited, controller = self.controller.act(state.controller, reading, still)
@@ -125,7 +125,7 @@ class Envelope:
         return {**command, **flags}, EnvelopeState(controller, guard, tracks, guarding, causes, calm)
 
     def _tracked(self, name: str, before: Track | None, reading: Mapping[str, float]) -> Track:
-        """The track after a reading, by a filter with two equal poles; a reading that is not finite is coasted over.
+        """The track after a reading, by a filter with two equal poles; extrapolated if the reading is not finite.
 
         Source: Brookner 1998, Tracking and Kalman Filtering Made Easy, sec. 1.2.7 (critically damped g-h filter).
         """
@@ -148,19 +148,19 @@ class Envelope:
         return Track(ahead + (1.0 - kept**2) * error, rate + (1.0 - kept) ** 2 * error / dt)
 
     def _beyond(self, name: str, track: Track, horizon: float, share: float) -> bool:
-        """Whether a track, now or `horizon` s ahead, is beyond this share of half its range about the middle."""
+        """Whether a track, now or `horizon` s ahead, is outside of this share of half its range about the middle."""
         ahead = track.value + track.rate * horizon
         return any(abs(self._away(name, value)) > share * self._half(name) for value in (track.value, ahead))
 
     def _inside(self, name: str, value: float) -> float:
-        """The nearest target from which the controller may act again."""
+        """The nearest target at which the controller may act again."""
         if name not in self.limits:
             return value
         away, half = self._away(name, value), (1.0 - self.release) * self._half(name)
         return value if abs(away) <= half else 0.5 * sum(self.limits[name]) + min(max(away, -half), half)
 
     def _away(self, name: str, value: float) -> float:
-        """How far a value is from the middle of its limits."""
+        """The distance of a value from the middle of its limits."""
         away = value - 0.5 * sum(self.limits[name])
         return float(wrap(away)) if channel(name).angle else away
 
@@ -170,6 +170,9 @@ class Envelope:
 
 
 def guarded_times(time: np.ndarray, flag: np.ndarray) -> list[tuple[float, float]]:
-    """From when to when a guard acted, s, by a record's times and its `envelope_flag`; held to the next sample."""
+    """The intervals in which a guard acted, s, from a record's times and its `envelope_flag`.
+
+    A flag holds until the next sample.
+    """
     edges = np.flatnonzero(np.diff(np.concatenate([[0.0], np.asarray(flag) > 0.5, [0.0]])))
     return [(float(time[a]), float(time[min(b, len(time) - 1)])) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -1,4 +1,4 @@
-"""A controller whose commands or targets are excited while it acts, for an experiment in closed loop."""
+"""A controller with excitation of its commands or targets, for closed-loop experiments."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class ExcitedState(NamedTuple):
 class Excited:
     """A controller with excitation signals added to its commands or targets.
 
-    signals: a sample every dt by channel, zero after the last: an actuator's is added to the command, a set point's
-    (`depth_m`) to the target, one at the wrench of thrusters (`heave_N`) to the wrench that is wanted of them.
-    at_rest: commands of actuators that the controller leaves alone, around which a signal moves them.
+    signals: one sample every dt by channel, zero after the last: an actuator's is added to the command, a set point's
+    (`depth_m`) to the target, one of a thrusters' wrench (`heave_N`) to the wanted wrench.
+    at_rest: commands of actuators that the controller does not command, about which a signal moves them.
     Limits are the vehicle's: an environment clips the sum.
-    Reports `excitation_<channel>`, what was added.
+    Reports `excitation_<channel>`, the added value.
 
     Example:
 
@@ -49,12 +49,12 @@ class Excited:
         if not 0.0 < self.dt < inf:
             raise ValueError(f"Excited needs dt > 0 s, the time between samples of its signals, got {self.dt!r}.")
         for name, values in self.signals.items():
-            channel(name)  # raises on an unknown one
+            channel(name)  # raises if it is unknown
             values = np.asarray(values, dtype=float)
             if values.ndim != 1 or not np.isfinite(values).all():
                 raise ValueError(f"Excited needs a finite signal of shape (n,) at {name}, got shape {values.shape}.")
         own = (*commanded_inputs(self.controller), *targets_of(self.controller))
-        if own:  # a controller that does not say is asked when it acts
+        if own:  # a controller that does not list its commands is checked when it acts
             known = (*own, *self.at_rest, *added_by(self.controller))
             self._check_channels(known, commanded_inputs(self.controller), targets_of(self.controller))
 
@@ -77,7 +77,7 @@ class Excited:
         self, state: ExcitedState, reading: Mapping[str, float], target: Mapping[str, float]
     ) -> tuple[dict[str, float], ExcitedState]:
         elapsed = 0.0 if state.elapsed is None else state.elapsed + reading["dt_s"]
-        at = floor(elapsed / self.dt + 1e-6)  # times are sums of intervals, and round
+        at = floor(elapsed / self.dt + 1e-6)  # times are sums of intervals, with rounding
         added = {name: float(values[at]) if at < len(values) else 0.0 for name, values in self.signals.items()}
         wanted = {name: value + added.get(name, 0.0) for name, value in target.items()}
         apart = [name for name in added_by(self.controller) if name in added and name not in wanted]
@@ -100,12 +100,12 @@ class Excited:
 
 
 def added_by(controller: Controller) -> tuple[str, ...]:
-    """The channels whose targets a controller adds to what it wants itself, as far as it says so: those of a wrench."""
+    """The channels, such as a wrench's, whose targets a controller adds to its output, if it lists them."""
     return tuple(getattr(controller, "adds", ()))
 
 
 def command_without_excitation(command: Mapping[str, float]) -> dict[str, float]:
-    """A command without what excitations have added to it, which are reported as zero."""
+    """A command without the contributions of excitations, which are reported as zero."""
     plain = dict(command)
     for name, value in command.items():
         moved = name.removeprefix("excitation_")

@@ -1,4 +1,4 @@
-"""Controllers made of controllers: one that sets another's target, several side by side, one command for two planes."""
+"""Composed controllers: one sets another's target, several side by side, one command for two planes."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class CascadeState(NamedTuple):
 class Cascade:
     """The outer controller's commands are the inner one's targets: depth to pitch, pitch to stern plane.
 
-    What the outer one wants is reported as a set point (`pitch_cmd_rad`). An outer integral does not see that an inner
-    command is at its limit: give it an `integral_range`.
+    The outer controller's output is reported as a set point (`pitch_cmd_rad`). An outer integral does not notice when
+    an inner command is at its limit: give it an `integral_range`.
 
     Example:
 
@@ -60,7 +60,7 @@ class Cascade:
 
 @dataclass(frozen=True)
 class Joint:
-    """Several controllers in parallel, each with its own commands; one whose targets are not given does not act.
+    """Several controllers in parallel, each with its own commands; one without targets does not act.
 
     Example:
 
@@ -98,7 +98,7 @@ class Joint:
         for controller, memory in zip(self.controllers, state, strict=True):
             if all(name in target for name in targets_of(controller)):
                 command, memory = controller.act(memory, reading, target)
-                # a report that several make, such as `infeasible_flag`, is raised where any of them raises it
+                # a report of several controllers, such as `infeasible_flag`, is set if any of them sets it
                 raised = {
                     name: max(value, commands.get(name, value)) for name, value in command.items() if is_flag(name)
                 }
@@ -109,9 +109,9 @@ class Joint:
 
 @dataclass(frozen=True)
 class Mirrored:
-    """A controller one of whose commands moves a second actuator as well, `share` times as far.
+    """A controller with one command that also moves a second actuator, `share` times as far.
 
-    share: negative where the two act against each other, as bow and stern planes do in pitch.
+    share: negative if the two oppose each other, as bow and stern planes do in pitch.
 
     Example:
 
@@ -150,10 +150,10 @@ class Mirrored:
 
 
 def targets_of(controller: Controller) -> tuple[str, ...]:
-    """The channels whose targets a controller cannot do without, as far as it says so."""
+    """The channels whose targets a controller requires, if it lists them."""
     return tuple(getattr(controller, "targets", ()))
 
 
 def commanded_inputs(controller: Controller) -> tuple[str, ...]:
-    """The inputs that a controller commands, as far as it says so."""
+    """The inputs that a controller commands, if it lists them."""
     return tuple(getattr(controller, "commands", ()))

@@ -1,4 +1,4 @@
-"""A controller made for one speed, on a vehicle at any: fins act with the square of it."""
+"""Gain scheduling for fins: a controller designed for one speed, used at any speed."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 from controllers.composed.loops import commanded_inputs, targets_of
 from controllers.controller import Controller
 
-_SLOWEST, _FASTEST = 0.5, 1.5  # of the speed: beyond, a fin is not moved any further
+_SLOWEST, _FASTEST = 0.5, 1.5  # of the speed; beyond this range, fin angles are not scaled further
 
 
 class ScheduledState(NamedTuple):
-    """Memory of the controller, the fins' angles that were given, and what its own were multiplied by."""
+    """Memory of the controller, the fin angles commanded, and the factor applied to its own."""
 
     inner: Any
     given: Mapping[str, float]
@@ -25,8 +25,8 @@ class ScheduledState(NamedTuple):
 class Scheduled:
     """A controller designed for `speed`, m/s, with fin angles scaled by the square of `speed` over the present speed.
 
-    limits: rad, by fin, either side.  The controller reads what its fins' angles would have been at `speed`.  Without
-    a reading of `u_mps` the last one counts.
+    limits: rad, by fin, either side.  The controller reads the equivalent fin angles at `speed`.  Without a reading of
+    `u_mps`, the last one is used.
 
     Example:
 

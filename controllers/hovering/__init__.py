@@ -1,1 +1,1 @@
-"""What holds a vehicle with thrusters in place: its dynamics as far as control needs them, references, and laws."""
+"""Control of vehicles held in place by thrusters: their dynamics, references, and control laws."""

@@ -1,4 +1,4 @@
-"""What control has to know of a vehicle that hovers: its mass, how its hull resists, what its thrusters can do."""
+"""Control model of a hovering vehicle: mass, hull resistance, and thruster capability."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from controllers.allocation import Allocation
 POSE = ("north_m", "east_m", "depth_m", "roll_rad", "pitch_rad", "heading_rad")
 RATES = ("p_radps", "q_radps", "r_radps")
 OVER_GROUND = ("u_dvl_mps", "v_dvl_mps", "w_dvl_mps")
-# s, of the step whose change of velocity is the acceleration: rounding leaves 1e-11 of it, curvature 1e-5
+# s, of the step that gives the acceleration from the change of velocity: rounding error 1e-11, curvature 1e-5
 _INSTANT = 1e-5
-_SMALL = np.array([0.05, 0.05, 0.05, 0.05, 0.05, 0.05])  # m/s and rad/s, at which damping near rest is taken
-_TILT = 0.02  # rad, over which stiffness is taken
+_SMALL = np.array([0.05, 0.05, 0.05, 0.05, 0.05, 0.05])  # m/s and rad/s, at which damping near rest is computed
+_TILT = 0.02  # rad, over which stiffness is computed
 _FASTEST = 10.0  # m/s and rad/s
 
 
@@ -38,9 +38,9 @@ class HoverDynamics:
         return np.array(self._clean.family.view(self._clean.derived).computed.mass)
 
     def resistance(self, velocity: np.ndarray, roll: float, pitch: float, depth: float = 0.0) -> np.ndarray:
-        """The wrench with which the thrusters hold a velocity through the water, (6,), at an attitude and a depth.
+        """The thrusters' wrench that holds a velocity through the water, (6,), at an attitude and a depth.
 
-        It holds damping, Coriolis forces, weight and buoyancy as the simulator has them.
+        It includes damping, Coriolis forces, weight and buoyancy as in the simulator.
         """
         x = self._rest[0].copy()
         x[:6] = velocity
@@ -66,7 +66,7 @@ class HoverDynamics:
 
     @cached_property
     def authority(self) -> np.ndarray:
-        """The largest wrench by which the thrusters push along each axis alone, both ways, N and N m, (6,)."""
+        """The largest wrench of the thrusters along each axis alone, in both directions, N and N m, (6,)."""
         low, high = self.allocation.limits
         found = np.zeros(6)
         for i in np.flatnonzero(self.allocation.weights):
@@ -78,7 +78,7 @@ class HoverDynamics:
         return np.where(np.isfinite(found), found, 0.0)
 
     def fastest(self, share: float) -> np.ndarray:
-        """The velocity along each axis that takes this share of its authority to hold, (6,)."""
+        """The velocity along each axis that needs this share of its authority, (6,)."""
         found = np.zeros(6)
         for i in range(6):
             low, high = 0.0, _FASTEST
@@ -91,7 +91,7 @@ class HoverDynamics:
 
     @cached_property
     def delay(self) -> float:
-        """The time by which thrust is behind a command, s: dead time and lag of the slowest thruster."""
+        """The delay from command to thrust, s: dead time and lag of the slowest thruster."""
         view = self._clean.family.view(self._clean.derived)
         times = [self._clean.family.hooks.actuator_times(i, view) for i in range(len(self._clean.family.actuators))]
         return max(float(dead + lag) for dead, lag, _ in times)
@@ -108,7 +108,7 @@ class HoverDynamics:
 
 
 def rotation(roll: float, pitch: float, heading: float) -> np.ndarray:
-    """The matrix that turns a vector in body axes into north, east, down, (3, 3).  Source: Fossen 2021, eq. (2.31)."""
+    """The rotation matrix from body axes to north, east, down, (3, 3).  Source: Fossen 2021, eq. (2.31)."""
     cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
     ch, sh = np.cos(heading), np.sin(heading)
     return np.array(

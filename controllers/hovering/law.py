@@ -1,4 +1,4 @@
-"""PID control of a hovering vehicle's pose by a wrench in body axes, with what its model knows fed forward."""
+"""PID control of a hovering vehicle's pose by a wrench in body axes, with model-based feedforward."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from controllers.hovering.dynamics import OVER_GROUND, POSE, RATES, HoverDynamic
 from controllers.hovering.reference import Pace, Way
 from controllers.tracking import error_of
 
-_TWO_SAMPLES = 2.0  # over which differences of positions are smoothed where no sensor measures speed
+_TWO_SAMPLES = 2.0  # over which differences of positions are smoothed if no sensor measures speed
 
 
 class HoverState(NamedTuple):
     """Memory of a HoverPid: the reference, integrals, and the last pose and its rates.
 
-    force: N, north, east, down; moment: N m, in body axes.  pose, pose_rate: NaN where not known.
+    force: N, north, east, down; moment: N m, in body axes.  pose, pose_rate: NaN if unknown.
     """
 
     way: Way
@@ -44,15 +44,15 @@ class HoverGains:
 
 @dataclass(frozen=True, eq=False)
 class HoverPid:
-    """PID in up to six degrees of freedom: errors are turned into body axes, where masses and thrusters are.
+    """PID in up to six degrees of freedom; errors are rotated into body axes, those of masses and thrusters.
 
-    channels: of a pose; those that have no target or no reading are left alone, and their axes with them.  level: those
-    whose target is 0 where none comes: a current tilts a vehicle far that buoyancy alone rights.
-    A reference leads smoothly from where the vehicle is to each target. What the reference needs of the vehicle (mass
-    times acceleration, damping at its velocity, weight and buoyancy at its attitude) is fed forward, so that the PID
-    has only to do what the model does not know, such as a current; its integral holds that in north, east, down, where
-    a current stays the same while the vehicle turns.  A roll or pitch that is not steered is left to buoyancy.
-    Integrals take back what the allocation could not reach (`surge_short_N`), over 1 / frequency.
+    channels: of a pose; those without a target or a reading are not controlled, nor are their axes.  level: those with
+    a default target of 0: a current tilts a vehicle far that only buoyancy rights.
+    A reference leads smoothly from the vehicle's pose to each target. The wrench for the reference (mass times
+    acceleration, damping at its velocity, weight and buoyancy at its attitude) is fed forward, so that the PID only has
+    to compensate for what the model does not include, such as a current; its integral holds that in north, east, down,
+    where a current is constant while the vehicle turns.  An uncontrolled roll or pitch is left to buoyancy.
+    Integrals are reduced by the allocation's shortfall (`surge_short_N`), over 1 / frequency.
     Source: Fossen 2021, secs. 12.2 and 15.3; Astrom and Hagglund 2006, sec. 3.5 (tracking against windup).
     """
 
@@ -63,7 +63,7 @@ class HoverPid:
 
     @property
     def targets(self) -> tuple[str, ...]:
-        """What it follows; it does without those that do not come."""
+        """The channels that it follows; targets may be missing."""
         return self.channels
 
     @property
@@ -115,7 +115,7 @@ class HoverPid:
         )
 
     def _fed_forward(self, way: Way, known: np.ndarray, turn: np.ndarray, spin: np.ndarray) -> np.ndarray:
-        """The wrench that the reference takes, in body axes and the axes that are steered, (6,)."""
+        """The wrench for the reference, in body axes and the controlled axes, (6,)."""
         velocity = np.concatenate([turn.T @ way.speed[:3], spin @ way.speed[3:]])
         turned = np.cross(velocity[3:], velocity[:3])
         change = np.concatenate([turn.T @ way.acceleration[:3] - turned, spin @ way.acceleration[3:]])
@@ -126,7 +126,7 @@ class HoverPid:
         return np.concatenate([forces, np.where(steered[3:], wrench[3:], 0.0)])
 
     def _pose_rate(self, state: HoverState, pose: np.ndarray, dt: float) -> np.ndarray:
-        """The rates of the pose from differences of readings, smoothed, (6,); NaN where there is none yet."""
+        """The rates of the pose from differences of readings, smoothed, (6,); NaN without two readings."""
         before = np.where(np.isfinite(state.pose_rate), state.pose_rate, 0.0)
         moved = np.array([error_of(n, a, b) for n, a, b in zip(POSE, pose, state.pose, strict=True)])
         smooth = _TWO_SAMPLES * dt
@@ -147,11 +147,11 @@ class HoverPid:
 def placed_gains(
     dynamics: HoverDynamics, frequency: np.ndarray, damping: np.ndarray, slow: float, share: float
 ) -> HoverGains:
-    """Gains that put two poles of each axis at a natural frequency, rad/s, and a damping ratio, and one slower.
+    """Gains that place two poles of each axis at a natural frequency, rad/s, and a damping ratio, and one slower.
 
     The axis is mass s^2 + damping s + stiffness, of the vehicle near rest; the third pole is at `slow` times the
-    frequency.  frequency, damping: (6,).  share: of each axis's authority, what the reference may take to hold a speed
-    and to gain it.
+    frequency.  frequency, damping: (6,).  share: of each axis's authority, for the reference to hold a speed and to
+    accelerate.
     Source: Fossen 2021, sec. 15.3.2 (pole placement); Astrom and Murray 2021, sec. 8.2.
     """
     mass, third = np.diag(dynamics.mass), slow * frequency
@@ -164,14 +164,14 @@ def placed_gains(
 
 
 def pace_of(dynamics: HoverDynamics, frequency: np.ndarray, share: float) -> Pace:
-    """A reference that takes at most a share of each axis's authority to hold a speed, and as much to gain it.
+    """A reference that uses at most a share of each axis's authority to hold a speed, and as much to accelerate.
 
-    North and east take what the weaker of surge and sway has, as the vehicle may turn.
+    North and east use the weaker of surge and sway, as the vehicle may turn.
     """
     hardest, fastest = share * dynamics.authority / np.diag(dynamics.mass), dynamics.fastest(share)
     level = slice(0, 2)
     hardest[level], fastest[level] = hardest[level].min(), fastest[level].min()
     frequency = frequency.copy()
     frequency[level] = frequency[level].min()
-    # beyond, it could not brake as fast as the target comes near
+    # a faster reference could not brake in time before the target
     return Pace(frequency, np.minimum(fastest, 2.0 * hardest / frequency), hardest)

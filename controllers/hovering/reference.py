@@ -1,4 +1,4 @@
-"""A smooth way from where a vehicle is to its target, within speeds and accelerations that it can follow."""
+"""Smooth reference from a vehicle's pose to its target, within speeds and accelerations that it can follow."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from controllers.tracking import error_of
 
 
 class Way(NamedTuple):
-    """Position, speed and acceleration of a reference in each channel of a pose, and which are steered, (6,) each."""
+    """Position, speed and acceleration of a reference by channel of a pose, and which are controlled, (6,) each."""
 
     position: np.ndarray
     speed: np.ndarray
@@ -22,10 +22,10 @@ class Way(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Pace:
-    """How a reference moves in each channel of a pose, (6,) each.
+    """The dynamics of a reference in each channel of a pose, (6,) each.
 
-    frequency: rad/s, of a critically damped second order, which it is as long as speeds stay below `fastest` and
-    accelerations below `hardest`.  Source: Fossen 2021, sec. 12.1.1 (reference models with velocity saturation).
+    frequency: rad/s, of a critically damped second-order system, while speeds are below `fastest` and accelerations
+    below `hardest`.  Source: Fossen 2021, sec. 12.1.1 (reference models with velocity saturation).
     """
 
     frequency: np.ndarray
@@ -37,10 +37,10 @@ class Pace:
         return Way(none, none, none, np.zeros(6, dtype=bool))
 
     def advance(self, way: Way, pose: np.ndarray, wanted: np.ndarray, known: np.ndarray, dt: float) -> Way:
-        """The reference a sample later, from where the vehicle is in channels that were not steered before.
+        """The reference one sample later; channels that were not controlled before start from the vehicle's pose.
 
-        pose, wanted: NaN where there is no reading or no target; such a channel is not steered.  known: the pose with
-        guesses in their places.
+        pose, wanted: NaN without a reading or a target; such a channel is not controlled.  known: the pose with guesses
+        for missing values.
         """
         steered = np.isfinite(pose) & np.isfinite(wanted)
         went_on = steered & way.steered
@@ -54,7 +54,7 @@ class Pace:
 
 
 def _within(values: np.ndarray, most: np.ndarray) -> np.ndarray:
-    """Values of a pose's channels within their limits: north and east together, so that a way is straight."""
+    """Values of a pose's channels within their limits; north and east are scaled together, for a straight path."""
     found = np.clip(values, -most, most)
     found[:2] = values[:2] * min(1.0, min(most[:2]) / max(float(np.hypot(*values[:2])), 1e-300))
     return found

@@ -1,4 +1,4 @@
-"""Controllers of single degrees of freedom, in north, east, down and body moments, on a vehicle that turns."""
+"""Controllers of single degrees of freedom, in north, east, down and body moments, for a vehicle that turns."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ WORLD = ("north_N", "east_N", "down_N", "roll_Nm", "pitch_Nm", "yaw_Nm")
 
 
 class WorldState(NamedTuple):
-    """Memory of the controllers, the reference, what was fed forward in world axes, (6,), and the last pose."""
+    """Memory of the controllers, the reference, the feedforward in world axes, (6,), and the last pose."""
 
     inner: Any
     way: Way
@@ -29,11 +29,11 @@ class WorldState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class InWorldAxes:
-    """A controller of `north_N`, `east_N`, `down_N` and body moments, as one of the wrench in body axes.
+    """A controller of `north_N`, `east_N`, `down_N` and body moments, converted to the wrench in body axes.
 
-    It is led to its targets by a reference, and what its linear model leaves out on this way is fed forward: weight,
-    buoyancy, and the damping at the reference's velocity that is more than the damping near rest. It reads as its
-    inputs what the thrusters reached, without that.  level: channels whose target is 0 where none comes.
+    A reference leads it to its targets, and the terms that its linear model leaves out along the reference are fed
+    forward: weight, buoyancy, and the reference's damping in excess of the damping near rest. The inputs that it reads
+    are the thrusters' reached wrench minus this feedforward.  level: channels with a default target of 0.
     """
 
     controller: Controller
@@ -72,7 +72,7 @@ class InWorldAxes:
         velocity = np.concatenate([turn.T @ way.speed[:3], spin @ way.speed[3:]])
         held = self.dynamics.resistance(velocity, float(known[3]), float(known[4]), float(known[2]))
         held -= self.dynamics.damping * velocity
-        held[3:] -= self.dynamics.stiffness[3:] * known[3:]  # which the models have
+        held[3:] -= self.dynamics.stiffness[3:] * known[3:]  # which the models include
         fed = np.where(used, np.concatenate([turn @ held[:3], held[3:]]), 0.0)
         wrench = np.concatenate([turn.T @ (own + fed)[:3], (own + fed)[3:]])
         reports = {name: value for name, value in command.items() if name not in WORLD}

@@ -1,4 +1,4 @@
-"""What controllers know of each kind of vehicle: one module a kind, each with a `KIND`."""
+"""Controllers for each kind of vehicle: one module per kind, each with a `KIND`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from controllers.controller import Controller
 from controllers.gains import Gains
 
 Ranges = dict[str, tuple[float, float]]
-ANGLE_ERROR = 0.15  # rad, an error that matters as much to a plan as half an input's range moved in a sample
+ANGLE_ERROR = 0.15  # rad; an error with the same cost in a plan as half an input's range moved in a sample
 
 
 def _nothing(plant: Plant) -> tuple[str, ...]:
@@ -27,17 +27,16 @@ def _every_sample(plant: Plant) -> float:
 class ControlKind:
     """Autopilots of a kind of vehicle.
 
-    targets: channels that they follow by default, and `asked` those besides that PID follows where they are
-    named.  plans: predictive control of each channel that it can follow, of a
-    plant and the settings of a Gpc.  ranges: the lowest and the highest of each command.  pid, s_plane: of a plant,
-    targets, tuned gains and, for PID, the limit of pitch, rad, in place of the tuned one; None where there is no such
-    law.  placed: in place of `pid`, PID whose gains follow from the model: of a plant, targets, s between calls and
-    settings of its own.  joined: makes one controller of several plans, of a plant, the plans and settings of its own,
-    whose names are `shared`; by default they act side by side.  held: channels that plans hold at 0 where they have no
-    target.  able: of the channels that autopilots of this kind follow, those that one vehicle can; by default all.
-    alternatives: channels of which an autopilot follows one.  every: s between two plans.  on_board: the
-    controller that takes the place of the one that steered a log, by default the autopilot; logged: the targets that a
-    log may have had, by default all.
+    targets: channels that they follow by default, and `asked` further ones that PID follows on request.  plans: by
+    channel, function of a plant and the settings of a Gpc that makes the predictive controller.  ranges: the lowest and
+    the highest of each command.  pid, s_plane: functions of a plant, targets, tuned gains and, for PID, the limit of
+    pitch, rad, instead of the tuned one; None if there is no such law.  placed: instead of `pid`, PID with gains from
+    the model: function of a plant, targets, s between calls and its own settings.  joined: combines several plans into
+    one controller, from a plant, the plans and its own settings, named in `shared`; by default they act side by side.
+    held: channels that plans hold at 0 without a target.  able: the channels that a particular vehicle can follow;
+    default: all.  alternatives: channels of which an autopilot follows one.  every: s between two plans.  on_board: the
+    controller that represents the one that steered a log, by default the autopilot; logged: the targets that a log may
+    have, by default all.
     """
 
     targets: tuple[str, ...]
@@ -58,7 +57,7 @@ class ControlKind:
 
     @property
     def followed(self) -> tuple[str, ...]:
-        """All channels that some autopilot of such a vehicle can follow."""
+        """All channels that any autopilot of such a vehicle can follow."""
         return tuple(dict.fromkeys((*self.targets, *self.plans, *self.asked)))
 
 

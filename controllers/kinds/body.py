@@ -1,4 +1,4 @@
-"""Autopilots of vehicles in six degrees of freedom: depth by way of pitch, heading and speed, by fins and drive."""
+"""Autopilots of vehicles in six degrees of freedom: depth by pitch, heading and speed, with fins and drive."""
 
 from __future__ import annotations
 
@@ -23,27 +23,27 @@ from controllers.s_plane import SPlane
 from controllers.tracking import Points
 from controllers.trials.trial import NOISE
 
-_POINTS = 9  # of the steady speeds at commands from rest to the limit
+_POINTS = 9  # number of steady speeds, at commands from rest to the limit
 _FASTEST = 20.0  # m/s
-PITCH_LIMIT = radians(20.0)  # beyond, depth no longer follows pitch in proportion
-# errors that matter as much as half an input's range moved in a sample
+PITCH_LIMIT = radians(20.0)  # above this, depth no longer follows pitch in proportion
+# errors with the same cost as half an input's range moved in a sample
 _DEPTH_ERROR = 0.5  # lengths
-_TRIM_ERROR = 1.0  # rad, of pitch, where there are bow planes to hold the depth without it
+_TRIM_ERROR = 1.0  # rad, of pitch, if bow planes can hold the depth without pitch
 _SPEED_ERROR = 0.1  # of the cruise speed
-_TURN = 0.3  # rad of heading a length
-# a hull that is not stable in yaw turns on by itself where it has lost speed and the rudder no longer holds it
+_TURN = 0.3  # rad of heading per length
+# a hull that is unstable in yaw keeps turning when it has lost speed and the rudder no longer holds it
 _CAREFUL_TURN = 0.2
-_CAREFUL_LENGTHS = 4.0  # of the way, while the reference nears the target
-_STABLE = 1.0 + 1e-6  # largest pole
-# change of the disturbances while a torpedo goes its length, of the limits of inputs and outputs, that the filters
-# reckon with: what the linear form leaves out of a vehicle that pitches, turns and slows down
+_CAREFUL_LENGTHS = 4.0  # of the way, in which the reference approaches the target
+_STABLE = 1.0 + 1e-6  # magnitude of the largest pole
+# change of the disturbances, as shares of the limits of inputs and outputs, while a torpedo travels its length; assumed
+# by the filters for what the linear form neglects when a vehicle pitches, turns and slows down
 _DRIFTS = {"pitch": 0.03, "yaw": 0.03, "surge": 0.007}
 _OFFSET_DRIFT = 0.003
-_SAMPLES = 3.0  # while a torpedo goes its length: the horizon is then ten lengths
+_SAMPLES = 3.0  # per torpedo length travelled; the horizon is then ten lengths
 
 
 def _pid(plant: Plant, targets: tuple[str, ...], gains: Gains, pitch_limit: float | None) -> Controller:
-    """Depth by way of pitch, heading, speed."""
+    """Depth by pitch, heading, speed."""
     cruise, limits, helm = _cruise(plant), command_limits(plant), find_helm(plant)
     rudder, plane, propulsion = (float(cruise.commands[i]) for i in (helm.rudder, helm.plane, helm.drive))
     pitch = Pid(
@@ -86,7 +86,7 @@ def _pid(plant: Plant, targets: tuple[str, ...], gains: Gains, pitch_limit: floa
 
 
 def _s_plane(plant: Plant, targets: tuple[str, ...], gains: Gains) -> Controller:
-    """Loops from one channel straight to one command, as Xu et al. 2013 have them."""
+    """Loops from one channel directly to one command, as in Xu et al. 2013."""
     cruise, limits, helm = _cruise(plant), command_limits(plant), find_helm(plant)
     rudder, plane, propulsion = (float(cruise.commands[i]) for i in (helm.rudder, helm.plane, helm.drive))
     to_starboard, to_nose_up = (float(np.sign(gain)) for gain in (cruise.rudder_gains[2], cruise.plane_gains[2]))
@@ -143,7 +143,7 @@ def steady_speed_commands(plant: Plant) -> Points:
 
 
 def _joined(plant: Plant, loops: Sequence[Controller], gains: Gains) -> Controller:
-    """The loops side by side; the bow planes share the work of the stern planes where they are to."""
+    """The loops side by side; the bow planes share the work of the stern planes if required."""
     source, *mirrors = plant.family.body.by_role()["pitch"]
     shared = list(loops)
     if mirrors and gains.bow_share != 0.0:
@@ -201,7 +201,7 @@ def _plan_speed(plant: Plant, settings: dict[str, Any]) -> Gpc:
 
 
 def _by_fins(plant: Plant, model, settings: dict[str, Any], **fields: Any) -> Scheduled:
-    """Plans with the fins as they act in cruise, carried out with what they do at the present speed."""
+    """Plans with fins as in cruise, with the angles scaled to the present speed."""
     limits = dict(zip(plant.inputs, command_limits(plant).tolist()))
     plans = _gpc(plant, model, settings, **fields)
     return Scheduled(plans, plant.hull.length / _length_time(plant), {name: limits[name] for name in model.inputs})
@@ -239,12 +239,12 @@ def _ranges(plant: Plant) -> Ranges:
 
 @lru_cache(maxsize=16)
 def _cruise(plant: Plant) -> Cruise:
-    return find_cruise(plant)  # a tenth of a second
+    return find_cruise(plant)  # takes a tenth of a second
 
 
 @lru_cache(maxsize=16)
 def _length_time(plant: Plant) -> float:
-    """Seconds in which a torpedo goes its length in cruise."""
+    """Seconds in which a torpedo travels its length in cruise."""
     return plant.hull.length / find_cruise(plant).speed
 
 

@@ -1,4 +1,4 @@
-"""Autopilots of a float: its piston or its oil bladder holds its depth."""
+"""Autopilots of a float: its piston or its oil bladder controls its depth."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from controllers.kinds import ControlKind, Ranges
 from controllers.pid import Pid, float_depth_pid
 from controllers.predictive.gpc import Gpc
 
-_PLANS = 15.0  # in the time of a float's engine, half the horizon
+_PLANS = 15.0  # per time of a float's engine, which is half the horizon
 
 
 def _pid(plant: Plant, targets: tuple[str, ...], gains: Gains, pitch_limit: float | None) -> Pid:
@@ -56,7 +56,7 @@ def _on_board(plant: Plant, targets: tuple[str, ...]) -> Controller:
 
 
 def _logged(plant: Plant) -> tuple[str, ...]:
-    """What a float with an oil bladder did on board is not a loop that its log could be run under."""
+    """No targets for an oil bladder: its on-board actions are not a control loop under which its log could be run."""
     return KIND.targets if "piston_m" in plant.family.required else ()
 
 

@@ -1,4 +1,4 @@
-"""Autopilots of a glider that flies by its polar: to a depth by engine and pitch, over yos to a place by its masses."""
+"""Autopilots of a flying glider: to a depth by engine and pitch, in yos to a place by its masses."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from controllers.gains import Gains
 from controllers.gliding import GlideToDepth, YoPilot
 from controllers.kinds import ControlKind, Ranges
 
-_BAND = 10.0  # m from the target, beyond which it flies as fast as it can
-_DEEP = 100.0  # m, at which it is trimmed
-_APOGEE, _SURFACE = 150.0, 1.0  # m, between which it flies yos: of the usual 200 m of water, room for the pump
-_LIFT = 0.75  # of what its engine can move to either side, with which it flies yos
+_BAND = 10.0  # m from the target; further away, it flies as fast as it can
+_DEEP = 100.0  # m, depth at which it is trimmed
+_APOGEE, _SURFACE = 150.0, 1.0  # m, limits of its yos: in the usual 200 m of water, this leaves room for the pump
+_LIFT = 0.75  # of the engine's range to either side, used for yos
 
 
 def _placed(
@@ -28,9 +28,9 @@ def _placed(
     pitch: float = NOMINAL_PITCH,
     gains: Gains | None = None,
 ) -> Controller:
-    """band: m from a depth, beyond which the glider flies as fast as it can.
+    """The autopilot to a depth or, in yos, to a place; band: m from a depth, beyond which it flies at top speed.
 
-    apogee, lift, pitch: of yos to a place, the depth, m, where climbs begin, the share of the engine, and rad.
+    apogee, lift, pitch: of yos to a place: the depth, m, where climbs begin, the share of the engine, and rad.
     """
     if gains is not None:
         raise ValueError(f"An autopilot of {plant.name!r} is a rule without gains: leave out gains=.")
@@ -72,7 +72,7 @@ def _on_board(plant: Plant, targets: tuple[str, ...]) -> Controller:
 
 
 def _logged(plant: Plant) -> tuple[str, ...]:
-    """What steers a glider on board is not a loop that its log could be run under: pitch is measured, not commanded."""
+    """No targets: the on-board control of a logged glider is unknown, as its pitch is measured, not commanded."""
     return ()
 
 

@@ -17,12 +17,12 @@ from controllers.kinds import ControlKind, Ranges
 from controllers.yos import Leg, Yo
 
 _PLACE = ("north_m", "east_m", "depth_m")
-_TOP, _APOGEE = 12.0, 48.0  # m, between which it changes over: of the usual 60 m of water, room for the pump
-_LIFT = 0.75  # of what its engine can move to either side
+_TOP, _APOGEE = 12.0, 48.0  # m, limits of its yos: in the usual 60 m of water, this leaves room for the pump
+_LIFT = 0.75  # of the engine's range to either side
 _SMALL = 0.05  # rad, of pitch and of the battery's angle, over which steady glides give slopes
-_ROLL = 0.35  # rad, the steepest roll of a turn: a Seawing that climbs tips over at twice that
-_SETTLE = 30.0  # s, in which an error of heading is to vanish
-_SHARE = 0.5  # of the place of the battery that an error of pitch is worth in steady motion
+_ROLL = 0.35  # rad, the steepest roll of a turn: a climbing Seawing tips over at twice that
+_SETTLE = 30.0  # s, in which a heading error is to vanish
+_SHARE = 0.5  # of the battery displacement that would remove a pitch error in steady motion
 
 
 def _placed(
@@ -36,9 +36,9 @@ def _placed(
     pitch: float = PITCH,
     gains: Gains | None = None,
 ) -> Controller:
-    """top, apogee: m, where dives and climbs begin.  lift: share of the engine.  pitch: rad, of climbs and dives.
+    """The autopilot of yos; top, apogee: m, start of dives and climbs.  lift: share of the engine.  pitch: rad.
 
-    Gains follow from steady glides and the linear form about the dive.
+    Gains follow from steady glides and the linearisation about the dive.
     """
     if gains is not None:
         raise ValueError(f"The gains of {plant.name!r} follow from its steady glides: leave out gains=.")
@@ -60,7 +60,7 @@ def _placed(
     _, _, slowness = plant.family.hooks.actuator_times(masses.volume, plant.family.view(clean.derived))
     glide = steady_glide(plant, dive.volume, dive.pitch, depth)
     slide = plant.inputs[masses.slide]
-    # its slowest motions but a drift of position, s: what follows them needs no more than the steady slope
+    # its slowest motions except a drift of position, s: control slower than these needs only the steady slope
     poles = linearise(plant, [slide], ["pitch_rad"], at=(glide.state, glide.commands)).poles()
     slowest = plant.dt / -log(float(np.abs(poles).max()))
     return Yo(
@@ -78,10 +78,10 @@ def _placed(
 
 
 def _leg(plant: Plant, volume: float, pitch: float, depth: float) -> Leg:
-    """A dive or climb, its gains from how steady glides change with pitch and with the battery's angle.
+    """A dive or climb, with gains from the change of steady glides with pitch and with the battery's angle.
 
-    Heading integrates the turn; its gain is that of Skogestad 2003, J. Process Control 13, table 1, whose closed loop
-    has the time constant _SETTLE.
+    Heading integrates the turn; its gain is that of Skogestad 2003, J. Process Control 13, table 1, which gives the
+    closed loop the time constant _SETTLE.
     """
     masses = find_masses(plant)
     straight = steady_glide(plant, volume, pitch, depth)

@@ -1,4 +1,4 @@
-"""Autopilots of a glider: its rudder holds its heading."""
+"""Autopilots of a glider: its rudder controls its heading."""
 
 from __future__ import annotations
 

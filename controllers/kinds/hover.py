@@ -1,4 +1,4 @@
-"""Autopilots of vehicles that hover by thrusters: position, depth, heading, and roll and pitch where they can."""
+"""Autopilots of vehicles that hover by thrusters: position, depth, heading, and roll and pitch if possible."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from controllers.kinds import ANGLE_ERROR, ControlKind, Ranges
 from controllers.predictive.gpc import Gpc
 from controllers.trials.trial import NOISE
 
-_DAMPING = 1.0  # critical: a vehicle among obstacles does not overshoot
-_SLOW = 0.2  # the third pole over the two that the frequency says, as in `controllers.pid`
-# rad, the phase that delays may cost where the loop's gain is 1; critically damped it has 76 degrees there without
+_DAMPING = 1.0  # critical: no overshoot among obstacles
+_SLOW = 0.2  # the third pole over the two at the frequency, as in `controllers.pid`
+# rad, phase loss by delays where the loop's gain is 1; critically damped, the margin there is 76 degrees without delays
 _PHASE = pi / 6.0
-# righting frequency times sample: beyond, a loop cannot level what swings between its samples.  Source: Astrom and
-# Wittenmark 1997, Computer-Controlled Systems, sec. 4.3 (0.1 to 0.6)
+# righting frequency times sample; above this, a loop cannot level an oscillation between its samples.  Source: Astrom
+# and Wittenmark 1997, Computer-Controlled Systems, sec. 4.3 (0.1 to 0.6)
 _SWING = 0.6
-_CALLS = 1.5  # samples by which a command is late: half for being held, one for the rate's smoothing
-# errors at which the proportional part alone asks for all that an axis has
+_CALLS = 1.5  # samples of command delay: half for being held, one for the rate's smoothing
+# errors at which the proportional part alone uses an axis's full authority
 _FAR, _TURNED = 0.5, 0.5  # m, rad
-_SHARE = 0.5  # of an axis's authority, that a reference takes: the rest is for what the model does not know
-_POSITION_ERROR = 0.1  # m, that matters as much to a plan as half an input's range moved in a sample
-_STEPS = 0.2  # of the time of a loop, 1 / frequency: from plan to plan, of which thirty make a horizon
-_DRIFT = 0.02  # of an axis's authority, by which disturbances walk in a second that filters reckon with
+_SHARE = 0.5  # of an axis's authority, for the reference: the rest is for what the model does not include
+_POSITION_ERROR = 0.1  # m, with the same cost in a plan as half an input's range moved in a sample
+_STEPS = 0.2  # of a loop's time, 1 / frequency, between plans; thirty of these make a horizon
+_DRIFT = 0.02  # of an axis's authority, random walk of disturbances per second, assumed by the filters
 _AXIS_OF: dict[str, int] = {name: i for i, name in enumerate(POSE)}
 _NAMES = tuple(name.rpartition("_")[0] for name in AXES)
 
@@ -63,11 +63,11 @@ def _pid(
     lost: Mapping[str, float] | None = None,
     gains: Gains | None = None,
 ) -> Controller:
-    """PID by placed poles: no tuned gains.
+    """PID by pole placement, without tuned gains.
 
-    frequency: natural frequency of the loops, rad/s, of all axes or by name ("surge" to "yaw"); default what delays and
-    thrusters allow.  damping: ratio, likewise; default 1.  lost: shares of thrust by thruster, known to be lost.
-    gains: have frequency and damping by axis, for those that are not given.
+    frequency: natural frequency of the loops, rad/s, for all axes or by name ("surge" to "yaw"); default what delays
+    and thrusters allow.  damping: ratio, likewise; default 1.  lost: shares of thrust by thruster, known to be lost.
+    gains: give frequency and damping by axis, unless given as arguments.
     """
     known = dict(lost or {})
     dynamics = _checked(plant, targets, known)
@@ -85,7 +85,7 @@ def _pid(
 
 
 def _by_axis(label: str, form: str, given: float | Mapping[str, float], default: np.ndarray) -> np.ndarray:
-    """Numbers of the axes, (6,): one for all, or some by name and the others as by default; raises ValueError."""
+    """Numbers of the axes, (6,): one for all, or some by name with defaults for the others; raises ValueError."""
     found = default.copy()
     for name, value in (given if isinstance(given, Mapping) else dict.fromkeys(_NAMES, given)).items():
         if name not in _NAMES or not value > 0.0:
@@ -98,7 +98,7 @@ def _by_axis(label: str, form: str, given: float | Mapping[str, float], default:
 
 
 def _frequencies(dynamics: HoverDynamics, damping: float | np.ndarray, dt: float) -> np.ndarray:
-    """Natural frequencies of the axes, rad/s, (6,), that delays and the strength of the thrusters allow.
+    """Natural frequencies of the axes, rad/s, (6,), that delays and thruster authority allow.
 
     The gain of a loop of damping ratio z is 1 at its frequency times sqrt(2 z^2 + sqrt(4 z^4 + 1)); there, a delay T
     costs that frequency times T in phase.
@@ -111,7 +111,7 @@ def _frequencies(dynamics: HoverDynamics, damping: float | np.ndarray, dt: float
 
 
 def _check_sample(dynamics: HoverDynamics, dt: float) -> None:
-    """Raises where the vehicle rights itself too quickly for loops that act every dt, s."""
+    """Raise if the vehicle rights itself too quickly for loops that act every dt, s."""
     righting = float(np.sqrt(np.max(dynamics.stiffness / np.diag(dynamics.mass), initial=0.0)))
     if righting * dt > _SWING:
         raise ValueError(
@@ -121,7 +121,7 @@ def _check_sample(dynamics: HoverDynamics, dt: float) -> None:
 
 
 def _checked(plant: Plant, targets: Sequence[str], lost: Mapping[str, float]) -> HoverDynamics:
-    """The dynamics; raises where the thrusters do not serve what the targets take."""
+    """The dynamics; raises if the thrusters do not serve the axes that the targets need."""
     dynamics = _dynamics(plant, tuple(sorted(lost.items())))
     counts = dynamics.allocation.counts
     for name in targets:
@@ -135,7 +135,7 @@ def _checked(plant: Plant, targets: Sequence[str], lost: Mapping[str, float]) ->
 
 
 def _level(dynamics: HoverDynamics) -> tuple[str, ...]:
-    """Roll and pitch, as far as the thrusters serve them."""
+    """Roll and pitch, if the thrusters serve them."""
     return tuple(name for name in POSE[3:5] if AXES[_AXIS_OF[name]] in dynamics.allocation.counts)
 
 
@@ -150,7 +150,7 @@ def poses_of(plant: Plant) -> tuple[str, ...]:
 
 
 def axis_of(name: str) -> str:
-    """The name of the axis that moves a channel of the pose, for a vehicle that heads north: "surge" of `north_m`."""
+    """The axis that moves a channel of the pose, for a vehicle that heads north: "surge" for `north_m`."""
     return _NAMES[_AXIS_OF[name]]
 
 
@@ -160,22 +160,22 @@ def dynamics_of(plant: Plant) -> HoverDynamics:
 
 
 def placed_frequencies(plant: Plant) -> np.ndarray:
-    """The natural frequencies of the axes where none are given, rad/s, (6,)."""
+    """The default natural frequencies of the axes, rad/s, (6,)."""
     return _frequencies(_dynamics(plant), _DAMPING, plant.dt)
 
 
 def _axes_for(name: str) -> tuple[str, ...]:
-    """The axes of the body that a channel of the pose takes."""
+    """The body axes that a channel of the pose needs."""
     return AXES[:2] if name in POSE[:2] else (AXES[_AXIS_OF[name]],)
 
 
 def _plan(name: str):
-    """The maker of a Gpc of one channel of the pose, which commands a force in world axes or a moment."""
+    """A function that makes a Gpc of one channel of the pose, which commands a force in world axes or a moment."""
 
     def make(plant: Plant, settings: dict[str, Any]) -> Gpc:
         dynamics = _checked(plant, (name,), {})
         at = _AXIS_OF[name]
-        level = name in POSE[:2]  # north and east are surge and sway by turns: half of each
+        level = name in POSE[:2]  # north and east share surge and sway: half of each
         axes = [0, 1] if level else [at]
         mass, damping = (float(np.mean(v[axes])) for v in (np.diag(dynamics.mass), dynamics.damping))
         most = float(dynamics.authority[axes].min())
@@ -196,16 +196,16 @@ def _plan(name: str):
 def _axis_model(
     dt: float, mass: float, damping: float, stiffness: float, lag: float, output: str, wrench: str
 ) -> StateSpace:
-    """Position and rate of one axis under a force that lags, exact over samples: what `linearise` is for a cruise.
+    """Position and rate of one axis under a lagged force, exact over samples: the counterpart of `linearise`.
 
-    It is linear in the force and not in a command, whose curve has no slope where a thruster rests.
+    It is linear in the force and not in a command, since the curve of a resting thruster has no slope.
     """
     slow = lag > 0.0
     n = 3 if slow else 2
     rates = np.zeros((n + 1, n + 1))
     rates[0, 1] = 1.0
     rates[1, :2] = -stiffness / mass, -damping / mass
-    rates[1, 2] = 1.0 / mass  # the force that acts: a state of its own where it lags, else the input
+    rates[1, 2] = 1.0 / mass  # the acting force: a state of its own if it lags, otherwise the input
     if slow:
         rates[2, 2:] = -1.0 / lag, 1.0 / lag
     held = expm(rates * dt)
@@ -214,14 +214,14 @@ def _axis_model(
 
 
 def _every(plant: Plant) -> float:
-    """s between plans: those of the slowest loop that the thrusters serve."""
+    """Time between plans, s: that of the slowest loop that the thrusters serve."""
     dynamics = _dynamics(plant)
     served = [AXES.index(name) for name in dynamics.allocation.counts]
     return _STEPS / float(_frequencies(dynamics, _DAMPING, plant.dt)[served].min())
 
 
 def _joined(plant: Plant, plans: Sequence[Controller], lost: Mapping[str, float] | None = None) -> Controller:
-    """The plans' forces and moments, shared among the thrusters."""
+    """The plans' forces and moments, allocated to the thrusters."""
     known = dict(lost or {})
     dynamics = _dynamics(plant, tuple(sorted(known.items())))
     _check_sample(dynamics, plant.dt)

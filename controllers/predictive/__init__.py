@@ -1,1 +1,1 @@
-"""What generalised predictive control is made of: a model driven by changes of its inputs, and a quadratic program."""
+"""Components of generalised predictive control: incremental models, and the quadratic program."""

@@ -1,4 +1,4 @@
-"""Generalised predictive control: a plan over a horizon within limits, made anew at every sample."""
+"""Generalised predictive control: a plan over a horizon within limits, repeated at every sample."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from controllers.predictive.program import Aims, Program, build, solver
 
 Limits = Mapping[str, tuple[float, float]]
 
-_SHARE = 0.01  # of a scale: what noise and drift are taken to be, where nothing is said
-_ON_TIME = 1e-3  # of a sample
+_SHARE = 0.01  # of a scale: default size of noise and drift
+_ON_TIME = 1e-3  # of a sample, tolerance for times
 
 
 class GpcState(NamedTuple):
     """Memory of a Gpc: estimate and command of its last plan, None before the first.
 
-    reference: of each weighted output, less the model's offset.  plan: commands that were to follow, (k, m).
-    elapsed: s since the estimate.  since: samples from the plan to it.  infeasible: how many plans failed, for lack of
-    moves within the inputs' limits.
+    reference: of each weighted output, minus the model's offset.  plan: the planned next commands, (k, m).
+    elapsed: s since the estimate.  since: samples from the plan to it.  infeasible: number of plans without moves
+    within the inputs' limits.
     """
 
     estimate: np.ndarray | None = None
@@ -43,18 +43,19 @@ class GpcState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Gpc:
-    """Predictive control by any linear model, without offset under constant disturbances, within limits.
+    """Offset-free predictive control with any linear model, under constant disturbances and within limits.
 
     Minimises the squares of weights times errors, `first` to `horizon` steps ahead, and of move_weights times `moves`
-    changes of the inputs.  A plan is made, and steps, `every` samples of the model; the filter takes each sample.
+    changes of the inputs.  A plan is made, and its steps last, `every` samples of the model; the filter uses each
+    sample.
     weights: by output, 1 over an error that matters.  move_weights: by input, default 1 over half its range; all are
-    multiplied by `effort`, the larger the calmer.
-    input_limits, rate_limits (per s, from plan to plan): hard.  output_limits: kept wherever they can be, whatever the
-    errors; where not, broken the less the larger `soft` is.  reference_time: s, in which the reference nears the
-    target.  nominal: targets that may not come.  neutral: inputs before the first plan.  A StateSpace gets a Kalman
-    filter; noise: standard deviations of its outputs, drift: of a sample's change of each input's or output's
-    disturbance, multiplied by drift_factor: with a larger one the filter believes its readings more than the model.
-    A Polynomial is taken as CARIMA, see `polynomial_increments` for observer.
+    multiplied by `effort`: the larger, the calmer.
+    input_limits, rate_limits (per s, from plan to plan): hard.  output_limits: kept whenever possible, whatever the
+    errors; otherwise, they are exceeded less for larger `soft`.  reference_time: s, in which the reference approaches
+    the target.  nominal: default targets.  neutral: inputs before the first plan.  A StateSpace gets a Kalman filter;
+    noise: standard deviations of its outputs, drift: of the change in a sample of each input's or output's disturbance,
+    multiplied by drift_factor: the larger it is, the more the filter trusts its readings over the model.
+    A Polynomial is treated as CARIMA, see `polynomial_increments` for observer.
 
     Example:
 
@@ -138,7 +139,7 @@ class Gpc:
 
     @property
     def targets(self) -> tuple[str, ...]:
-        """The channels whose targets it cannot do without."""
+        """The channels whose targets are required."""
         return tuple(name for name in self.model.outputs if name in self.weights and name not in self.nominal)
 
     @property
@@ -153,8 +154,8 @@ class Gpc:
     ) -> tuple[dict[str, float], GpcState]:
         """The commands and `infeasible_flag`, and the next memory; between plans the commands are held.
 
-        An output that is not read, or NaN, is as predicted.  An input among the reading is what the vehicle was given,
-        if that was not the command.  Without a plan within the limits the last plan goes on.
+        An output that is missing or NaN counts as predicted.  An input among the readings is what the vehicle received,
+        if that differs from the command.  Without a feasible plan, the last plan continues.
         """
         parts, dt = self._parts, self.model.dt
         if state.estimate is None or state.command is None or state.reference is None:
@@ -214,7 +215,7 @@ class Gpc:
 
     @property
     def disturbances(self) -> tuple[str, ...]:
-        """What the filter takes to drift: inputs by name, outputs as offsets."""
+        """The disturbances that the filter assumes to drift: inputs by name, outputs as offsets."""
         return self._parts.increments.disturbances
 
     @cached_property
@@ -273,7 +274,7 @@ class Gpc:
         )
 
     def _scale(self, name: str) -> float:
-        """A size of an output that matters, in its unit."""
+        """The size of an output that matters, in its unit."""
         low, high = self.output_limits.get(name, (-inf, inf))
         half = 0.5 * (high - low)
         return 1.0 / self.weights[name] if name in self.weights else half if isfinite(half) else 1.0
@@ -300,7 +301,7 @@ class Gpc:
 
 @dataclass(frozen=True, eq=False)
 class _Parts:
-    """What follows from the settings alone."""
+    """Quantities that depend on the settings alone."""
 
     increments: Increments
     program: Program

@@ -1,4 +1,4 @@
-"""Linear models driven by the changes of their inputs, with a disturbance and a steady filter that finds it."""
+"""Linear models driven by input increments, with disturbances and a steady-state filter that estimates them."""
 
 from __future__ import annotations
 
@@ -10,19 +10,20 @@ from scipy import linalg
 
 from auv_gym.models.linear import Polynomial, StateSpace
 
-_RANK = 1e-7  # a singular value over the largest, below which two disturbances look alike
-_NOTHING = 1e-14  # of the largest row: what rounding leaves
+_RANK = 1e-7  # relative singular value below which two disturbances cannot be distinguished
+_NOTHING = 1e-14  # of the largest row: rounding
 _MARGIN = 1e-9
-_STIR = 1e-10  # of the drifts: a mode that nothing drives still gets a gain
+_STIR = 1e-10  # of the drifts: gives undriven modes a gain, too
 
 
 @dataclass(frozen=True, eq=False)
 class Increments:
-    """z(t+1) = a z(t) + b du(t), outputs c z + output_offset; z + gain e after measuring them with the innovation e.
+    """The incremental model z(t+1) = a z(t) + b du(t), outputs c z + output_offset; measured: z + gain e, innovation e.
 
-    z ends in the inputs of the last sample, less input_offset; `held` inputs and no innovation keep outputs where a
-    constant disturbance keeps them, so that a plan from there has no offset.  model: its states come first in z.
-    disturbances: what of them are taken to drift.
+    z ends in the inputs of the last sample, minus input_offset; with `held` inputs and no innovation, outputs stay
+    where a constant disturbance keeps them, so that a plan from there has no offset.  model: its states come first in
+    z.
+    disturbances: which of them are assumed to drift.
     """
 
     a: np.ndarray
@@ -34,24 +35,24 @@ class Increments:
     disturbances: tuple[str, ...]
 
     def initial(self, y: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """The state at rest with these outputs, as far as they are finite, and no disturbance; y: less the offset."""
+        """The state at rest with these outputs, where finite, and without disturbance; y: minus the offset."""
         z = np.zeros(self.a.shape[0])
         z[: len(self.model.states)] = self.model.initial(y + self.model.output_offset)
         z[z.size - u.size :] = u - self.input_offset
         return z
 
     def held_for(self, samples: int) -> Increments:
-        """The increments over so many samples, at the first of which the inputs change; the filter stays as it is."""
+        """The increments over several samples, with inputs that change at the first; the filter is unchanged."""
         further = np.linalg.matrix_power(self.a, samples - 1)
         return replace(self, a=further @ self.a, b=further @ self.b)
 
 
 def state_space_increments(model: StateSpace, noise: np.ndarray, drift: np.ndarray, scales: np.ndarray) -> Increments:
-    """The increments of a model in state space with as many constant disturbances as outputs, and its Kalman filter.
+    """The increments of a state-space model with as many constant disturbances as outputs, and its Kalman filter.
 
     noise: standard deviation of each output's measurement.  drift: that of the change in a sample of each input's
     disturbance, then of each output's.  scales: of inputs, then of outputs.
-    Disturbances enter at the inputs as far as those can be told apart, then at the outputs: one at the output of an
+    Disturbances act on the inputs, as far as these can be distinguished, then on the outputs: one on the output of an
     integrator would look like its state.  Raises if there are not as many as outputs.
     Source: Pannocchia and Rawlings 2003, AIChE J. 49(2), 426-437; Maciejowski 2002, sec. 8.2.
     """
@@ -89,7 +90,7 @@ def state_space_increments(model: StateSpace, noise: np.ndarray, drift: np.ndarr
 def polynomial_increments(model: Polynomial, observer: Sequence[float]) -> Increments:
     """The increments of A y = B u + C e / (1 - q) (CARIMA), whose filter follows from C alone.
 
-    observer: coefficients of q, q^2, ... of a polynomial T that stands for C; none: the model's own C.
+    observer: coefficients of q, q^2, ... of a polynomial T used as C; none: the model's own C.
     Raises if the filter is not stable.  Source: Clarke, Mohtadi and Tuffs 1987, Automatica 23(2), 137-160.
     """
     p, m = len(model.outputs), len(model.inputs)
@@ -120,7 +121,7 @@ def polynomial_increments(model: Polynomial, observer: Sequence[float]) -> Incre
 
 
 def _told_apart(model: StateSpace, scales: np.ndarray) -> list[int]:
-    """Which of the disturbances, at inputs then at outputs, a filter can find from constant outputs."""
+    """The disturbances, at inputs then at outputs, that a filter can determine from constant outputs."""
     n, m, p = len(model.states), len(model.inputs), len(model.outputs)
     columns = np.vstack([model.a - np.eye(n), model.c / scales[m:, None]])
     if not _independent(columns):
@@ -146,7 +147,7 @@ def _told_apart(model: StateSpace, scales: np.ndarray) -> list[int]:
 
 
 def _independent(columns: np.ndarray) -> bool:
-    """Whether no column is made of others, whatever units the rows have: a shaft's turns beside metres per second."""
+    """Whether the columns are linearly independent, whatever the rows' units: rpm beside metres per second."""
     for axis in (1, 0):
         sizes = np.linalg.norm(columns, axis=axis, keepdims=True)
         columns = columns / np.where(sizes > _NOTHING * sizes.max(), sizes, 1.0)

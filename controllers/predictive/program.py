@@ -1,4 +1,4 @@
-"""The quadratic program of a plan: matrices made once, vectors at every sample, and the solver DAQP."""
+"""The quadratic program of a plan: matrices built once, vectors at every sample, and the solver DAQP."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import numpy as np
 
 from controllers.predictive.increments import Increments
 
-_FAR = 1e30  # what the solver takes as no limit
-_STIFFEST = 3e-5  # of a limit: its square is what the solver still tells from zero
+_FAR = 1e30  # the solver's value for no limit
+_STIFFEST = 3e-5  # of a limit: its square is the smallest number that the solver distinguishes from zero
 _TOLERANCE = 1e-8  # of the rows, which are scaled by their limits' ranges
 
 
 @dataclass(frozen=True, eq=False)
 class Aims:
-    """What a plan weighs and keeps to, as arrays over inputs (m) or outputs (p); infinite where there is no limit.
+    """The weights and limits of a plan, as arrays over inputs (m) or outputs (p); infinite without a limit.
 
-    weights: (p,), of an output's error, 0 where it has no target.  move_weights: (m,).  rates: (m,), a sample's
-    largest change.  lowest, highest: (m,) and output_lowest, output_highest: (p,), less the model's offsets.
-    fading: of the reference's distance from its goal, a sample.  soft: see Program.
+    weights: (p,), of an output's error, 0 if it has no target.  move_weights: (m,).  rates: (m,), largest change in a
+    sample.  lowest, highest: (m,) and output_lowest, output_highest: (p,), minus the model's offsets.
+    fading: factor per sample of the reference's distance from its goal.  soft: see Program.
     """
 
     horizon: int
@@ -40,12 +40,12 @@ class Aims:
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """Minimise x' hessian x / 2 + (slope s)' x within bounds that s moves; s = [z | goals | references].
+    """Minimise x' hessian x / 2 + (slope s)' x within bounds that depend on s; s = [z | goals | references].
 
     x: the moves, m at a time, in units of 1 / move_weights.  rows: of x, after the simple bounds of x itself; the last
-    `softened` of them are outputs' limits.
-    Outputs' limits are kept wherever any moves keep them, at whatever cost; only where none do are they softened: the
-    square of what is broken, in half ranges, then costs `soft` times the plan's own slope. So no weight outweighs them.
+    `softened` of them are limits of outputs.
+    Output limits are kept if any moves can keep them, at whatever cost.  Otherwise they are softened: the square of the
+    violation, in half ranges, costs `soft` times the plan's own slope, so that no weight outweighs it.
     """
 
     hessian: np.ndarray
@@ -70,9 +70,10 @@ class Program:
         return x[: linear.size].reshape(-1, self.unit.size) * self.unit if status > 0 else None
 
     def _give_way(self, linear: np.ndarray, upper: np.ndarray, lower: np.ndarray) -> tuple[np.ndarray, int]:
-        """Moves, then what each of the last rows is broken by, in rows' lengths; and the solver's status.
+        """Moves, followed by the violations of the last rows, in rows' lengths; and the solver's status.
 
-        Variables of their own: the solver's soft constraints, in the version tried, write beyond their memory.
+        The violations are explicit variables: the solver's own soft constraints, in the version tried, write out of
+        bounds.
         """
         n, more = linear.size, self.softened
         hessian = 2.0 * np.eye(n + more)
@@ -87,7 +88,7 @@ class Program:
         while status <= 0 and give < 1.0:
             rows[-more:, n:] = -give * lengths
             x, _, status, _ = solver().solve(hessian, linear, rows, upper, lower, primal_tol=_TOLERANCE)
-            give *= 10.0  # an unstable model's far rows are nearly dependent: the solver then takes a softer limit
+            give *= 10.0  # an unstable model's far rows are nearly dependent: the solver then accepts a softer limit
         return x, status
 
 
@@ -102,7 +103,7 @@ def build(increments: Increments, aims: Aims) -> Program:
     free, forced = free[aims.first - 1 :], forced[aims.first - 1 :]
     steps, size, t = len(free), aims.moves * m, tracked.size
 
-    # errors: outputs less goal - fading^j (goal - reference)
+    # errors: outputs minus goal - fading^j (goal - reference)
     weight = aims.weights[tracked][None, :, None]
     fade = aims.fading ** np.arange(aims.first, aims.horizon + 1)
     wanted = np.zeros((steps, t, 2 * t))
@@ -112,7 +113,7 @@ def build(increments: Increments, aims: Aims) -> Program:
     reach = (weight * forced[:, tracked]).reshape(steps * t, size)
 
     bound = np.tile(aims.rates / unit, aims.moves)
-    # inputs: what they were, which z ends in, and the moves so far
+    # inputs: their last values, at the end of z, plus the moves so far
     some = np.flatnonzero(np.isfinite(aims.lowest) | np.isfinite(aims.highest))
     scale = _ranges(aims.lowest[some], aims.highest[some])
     sums = np.kron(np.tril(np.ones((aims.moves, aims.moves))), (np.diag(unit)[some].T / scale).T)
@@ -167,7 +168,7 @@ def _predictions(
 
 
 def _ranges(lowest: np.ndarray, highest: np.ndarray) -> np.ndarray:
-    """Half of each range; of one that is open at a side, the size of its end."""
+    """Half of each range; for a range open at one side, the magnitude of its end."""
     half = 0.5 * (highest - lowest)
     ends = np.where(np.isfinite(highest), np.abs(highest), np.abs(lowest))
     return np.where(np.isfinite(half), half, np.where(ends > 0.0, ends, 1.0))

@@ -1,1 +1,1 @@
-"""Controllers tried out in closed loop on a plant, and how well they followed."""
+"""Closed-loop trials of controllers on a plant, and measures of their tracking."""

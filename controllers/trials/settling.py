@@ -1,4 +1,4 @@
-"""How a channel followed a step of its target: rise, settling, overshoot, error that stays, swing that stays."""
+"""Step response measures: rise time, settling time, overshoot, remaining error and oscillation."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ import numpy as np
 
 
 class Step(NamedTuple):
-    """A response to a step: 10 to 90 %, s; for good within the band, s; overshoot and mean and half range of the error
-    in the last fifth, in units of the channel.  rise_time and settling_time: inf where it did not come to that.
+    """Measures of a step response.
+
+    rise_time: 10 to 90 %, s; settling_time: until it stays within the band, s; inf if it did not get there.  overshoot;
+    steady_error and swing: mean and half range of the error in the last fifth; in units of the channel.
     """
 
     rise_time: float

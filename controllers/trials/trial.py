@@ -1,4 +1,4 @@
-"""A controller and a plant in closed loop, with noisy readings: what gains are tuned and tried on."""
+"""Closed-loop trials of a controller and a plant with noisy readings, for tuning and testing gains."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from auv_gym.plant import Plant
 from auv_gym.plant.cruise import find_cruise
 from controllers.controller import Controller
 
-# standard deviations of usual sensors: pressure, attitude with a magnetic compass, gyros, Doppler log, positions
+# standard deviations of common sensors: pressure, attitude with a magnetic compass, gyros, Doppler log, positions
 NOISE = {
     "north_m": 0.03,
     "east_m": 0.03,
@@ -30,7 +30,7 @@ Steps = Mapping[str, Sequence[tuple[float, float]]]
 
 
 def level_flight(plant: Plant, depth: float) -> tuple[np.ndarray, np.ndarray]:
-    """A torpedo's full state in cruise at a depth, m, heading north, and the inputs that keep it there."""
+    """A torpedo's full state in cruise at a depth, m, heading north, and the inputs that hold it there."""
     cruise = find_cruise(plant)
     x = np.zeros(len(plant.states))
     x[: cruise.state.size] = cruise.state
@@ -44,7 +44,7 @@ def level_flight(plant: Plant, depth: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def at_rest(plant: Plant, outputs: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
-    """A state with these outputs, zero otherwise, and the inputs that a vehicle has where nothing is commanded."""
+    """A state with these outputs, zero otherwise, and the vehicle's inputs without a command."""
     neutral = {"piston_m": getattr(plant.hull, "piston_neutral", 0.0), **plant.constants}
     inputs = np.array([neutral.get(name, 0.0) for name in plant.inputs])
     x = plant.initial(np.array([outputs.get(name, 0.0) for name in plant.outputs]))
@@ -61,10 +61,11 @@ def run_trial(
     rng: np.random.Generator | None = None,
     noise: Mapping[str, float] = NOISE,
 ) -> dict[str, np.ndarray]:
-    """Outputs without noise, inputs, set points, what the controller reports, and `time_s`, of a run of `duration` s.
+    """Outputs without noise, inputs, set points, the controller's reports, and `time_s`, of a run of `duration` s.
 
-    targets: by channel, (time s, value) steps, the first at 0.  start: a state and the inputs, of which the controller
-    changes those that it commands.  rng: draws the noise, standard deviations by channel; None: none.  Raises Diverged.
+    targets: by channel, (time s, value) steps, the first at 0.  start: a state, and the inputs for those that the
+    controller does not command.  rng: draws the noise, standard deviations by channel; None: no noise.  Raises
+    Diverged.
     """
     n = round(duration / plant.dt) + 1
     time = plant.dt * np.arange(n)

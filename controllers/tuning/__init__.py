@@ -1,1 +1,1 @@
-"""Gains found by simulation, and whether they meet stated requirements over all vehicles that the data allow."""
+"""Tuning of gains by simulation, and checks of requirements over all vehicles that the data allow."""

@@ -1,4 +1,4 @@
-"""The bench on which loops are tuned and tried: a vehicle and changed ones, steps of targets, and what a run costs."""
+"""The test bench for tuning loops: a vehicle and variants of it, target steps, and the cost of a run."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Run = Mapping[str, np.ndarray]
 class Bench(NamedTuple):
     """A vehicle's trial: plants, the first being the vehicle itself, and where each starts.
 
-    intervals: of what is not known of the vehicle, by path.
+    intervals: uncertainty of the vehicle's parameters, by path.
     """
 
     plants: tuple[Plant, ...]
@@ -34,11 +34,11 @@ class Bench(NamedTuple):
     seed: int
 
     def with_plants(self, plants: Sequence[Plant]) -> Bench:
-        """The bench with other vehicles on it; raises where one cannot hold itself at the start."""
+        """The bench with other vehicles; raises if one cannot hold itself at the start."""
         return self._replace(plants=tuple(plants), starts=tuple(self.trial.start(plant) for plant in plants))
 
     def with_able(self, plants: Sequence[Plant]) -> tuple[Bench, dict[int, str]]:
-        """The bench with those vehicles on it that can hold themselves at the start; by number, why others cannot."""
+        """The bench with the vehicles that can hold themselves at the start; by number, why others cannot."""
         kept, starts, refused = [], [], {}
         for number, plant in enumerate(plants):
             try:
@@ -51,9 +51,9 @@ class Bench(NamedTuple):
 
 
 def bench_of(plant: Plant, seed: int, intervals: Intervals | None = None) -> Bench:
-    """The trial of a vehicle: steps that fit its size, and two changed plants with their actuators off zero.
+    """The trial of a vehicle: steps suited to its size, and two variants with their actuators off zero.
 
-    intervals: 95 %, by path; default those that the vehicle's file gives.  seed: draws at which ends they are.
+    intervals: 95 %, by path; default those in the vehicle's file.  seed: draws at which ends they are.
     """
     kind, rng = KINDS.of(plant.family), np.random.default_rng(seed)
     known = known_intervals(plant) if intervals is None else intervals
@@ -73,7 +73,7 @@ def tried(bench: Bench, at: int, controller: Controller, name: str) -> Run:
 
 
 def run_cost(bench: Bench, run: Run, name: str) -> float:
-    """The integral of the error over the step, plus overshoot and travel of the command, of both steps."""
+    """The integral of the error over the step, plus overshoot and travel of the command, for both steps."""
     plant, total = bench.plants[0], 0.0
     moved = KINDS.of(plant.family).moved_by(plant, name)
     for part, target in segments(run, name):
@@ -88,7 +88,7 @@ def run_cost(bench: Bench, run: Run, name: str) -> float:
 
 
 def segments(run: Run, name: str) -> Iterator[tuple[slice, float]]:
-    """Where each target stands that is apart from the value before, and the target."""
+    """The samples of each target that differs from the value before, and the target."""
     wanted = run[set_point_of(name)]
     edges = [0, *(np.flatnonzero(np.diff(wanted)) + 1).tolist(), wanted.size]
     for begin, end in pairwise(edges):
@@ -97,6 +97,6 @@ def segments(run: Run, name: str) -> Iterator[tuple[slice, float]]:
 
 
 def _targets(trial: Trial, name: str) -> Steps:
-    """The targets of a channel's trial, some of which move while all others stand."""
+    """The targets of a channel's trial; some move while all others are constant."""
     moving = (name,) if name in trial.alone else tuple(other for other in trial.steps if other not in trial.alone)
     return {other: steps if other in moving else [(0.0, trial.held[other])] for other, steps in trial.steps.items()}

@@ -1,4 +1,4 @@
-"""What is required of loops, and how far a loop is from it."""
+"""Requirements on loops, and the distance of a loop from them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from auv_gym.param import did_you_mean
 
 
 class Quantity(NamedTuple):
-    """What is known of each loop: words for people, unit, and whether more is better."""
+    """A quantity computed for each loop: words for display, unit, and whether more is better."""
 
     title: str
     unit: str
@@ -20,7 +20,7 @@ class Quantity(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Words with the unit: `gain margin, dB`."""
+        """The words with the unit: `gain margin, dB`."""
         return f"{self.title}, {self.unit}" if self.unit else self.title
 
 
@@ -34,16 +34,16 @@ QUANTITIES: Mapping[str, Quantity] = {
     "rms_error_percent": Quantity("RMS error", "%", False),
     "saturation_percent": Quantity("saturation", "%", False),
 }
-# with it the phase margin is 29 deg at least, and the gain may rise by 6 dB and fall by 3.5 dB.
+# It guarantees a phase margin of at least 29 deg, and allows a gain increase of 6 dB or a decrease of 3.5 dB.
 # Source: Astrom and Hagglund 2006, Advanced PID Control, sec. 4.6
 USUAL = ("sensitivity_peak<=2",)
 _FORM = re.compile(r"\s*(?:(\w+)\.)?(\w+)\s*(<=|>=)\s*(\S+)\s*")
-_MOST = 10.0  # of what is required, that a loop is from it
+_MOST = 10.0  # of the requirement, largest distance of a loop that counts
 
 
 @dataclass(frozen=True)
 class Requirement:
-    """A limit of a quantity of the loop of a channel, or of all loops where channel is empty."""
+    """A limit of a quantity, for the loop of a channel, or for all loops if the channel is empty."""
 
     quantity: str
     limit: float
@@ -60,7 +60,7 @@ class Requirement:
 
     @property
     def words(self) -> str:
-        """The requirement for people: `sensitivity peak ≤ 2`."""
+        """The requirement for display: `sensitivity peak ≤ 2`."""
         known = QUANTITIES[self.quantity]
         return f"{known.title} {'≥' if known.upward else '≤'} {self.limit:g} {known.unit}".strip()
 
@@ -68,12 +68,12 @@ class Requirement:
         return value >= self.limit if self.upward else value <= self.limit
 
     def excess(self, value: float) -> float:
-        """How far a value is beyond the limit, over it; negative where it is met."""
+        """The distance of a value beyond the limit, relative to it; negative if the requirement is met."""
         beyond = (self.limit - value) if self.upward else (value - self.limit)
         return beyond / max(abs(self.limit), 1e-9)
 
     def shortfall(self, value: float) -> float:
-        """How far a value is from the limit, over it; 0 where it is met."""
+        """The distance of a value from the limit, relative to it; 0 if the requirement is met."""
         if self.is_met(value):
             return 0.0
         short = self.excess(value)
@@ -81,7 +81,7 @@ class Requirement:
 
 
 def parse_requirements(texts: Sequence[str], channels: Sequence[str]) -> tuple[Requirement, ...]:
-    """Requirements such as "phase_margin_deg>=45" or "depth_m.overshoot_percent<=10"; raises on what is none."""
+    """Requirements such as "phase_margin_deg>=45" or "depth_m.overshoot_percent<=10"; raises for other texts."""
     found = []
     for text in texts:
         parts = _FORM.fullmatch(text)

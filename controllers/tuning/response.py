@@ -1,4 +1,4 @@
-"""The response of a closed loop, measured by shaking its command on the simulated vehicle, and its margins."""
+"""The frequency response of a closed loop, measured by exciting its command in simulation, and its margins."""
 
 from __future__ import annotations
 
@@ -17,19 +17,20 @@ from controllers.trials.trial import run_trial
 from controllers.tuning.bench import Bench
 from controllers.tuning.kinds import KINDS
 
-_LEAD, _PERIOD = 30.0, 60.0  # time scales of the vehicle: to settle in, and of the signal
-_LINES = 40  # frequencies of the signal
-_CREST = 3.0  # of a multisine, about, over its RMS
-# energy of the answer at frequencies that are not in the signal, over that at those that are: a loop that settles has
-# little there, one that grows or goes round a limit cycle as much as it has elsewhere
+_LEAD, _PERIOD = 30.0, 60.0  # time scales of the vehicle: for settling, and period of the signal
+_LINES = 40  # number of frequencies in the signal
+_CREST = 3.0  # approximate ratio of a multisine's peak to its RMS
+# energy of the response at frequencies outside the signal, over that at its frequencies: small for a loop that settles,
+# and comparable for one that grows or is in a limit cycle
 _STRANGE = 0.1
-_FINE = 600  # frequencies between which margins are sought
+_FINE = 600  # number of frequencies between which margins are searched for
 
 
 class Margins(NamedTuple):
-    """Of a loop broken at its command: dB, deg, s, and the peak of |1 / (1 + L)|.
+    """Margins of a loop broken at its command: dB, deg, s, and the peak of |1 / (1 + L)|.
 
-    gain: the smaller of how far the gain may rise and fall.  0, and an infinite peak, where the loop does not settle.
+    gain: the smaller of the possible increase and decrease of the gain.  0, with an infinite peak, if the loop does not
+    settle.
     """
 
     gain_margin_db: float
@@ -43,9 +44,9 @@ UNSETTLED = Margins(0.0, 0.0, 0.0, inf)
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """The loop L from the command that acts to the one that comes back, sign turned, at omega, rad/s.
+    """The loop L from the acting command to the returned one, with the sign reversed, at omega, rad/s.
 
-    settled: whether it came to a periodic motion at all.
+    settled: whether it reached a periodic motion at all.
     """
 
     omega: np.ndarray
@@ -53,15 +54,15 @@ class Response:
     settled: bool
 
     def margins(self) -> Margins:
-        """The margins; infinite where the loop does not come to such a crossing within its frequencies."""
+        """The margins; infinite if the loop has no such crossing within its frequencies."""
         return margins_of(self.omega, self.loop) if self.settled else UNSETTLED
 
 
 def loop_response(bench: Bench, at: int, controller: Controller, name: str, bow_share: float = 0.0) -> Response:
-    """The response of the loop of a channel on one of the bench's plants, where it starts.
+    """The response of the loop of a channel on one of the bench's plants, at its start.
 
-    All loops are closed, and a periodic signal is added to the command; from its lines in the command that acts, S =
-    1 / (1 + L).  bow_share: how far bow planes move with the stern planes in this controller.
+    All loops are closed, and a periodic signal is added to the command; its lines in the acting command give S = 1 / (1
+    + L).  bow_share: movement of bow planes relative to the stern planes in this controller.
     Source: Ljung 1999, System Identification, sec. 13.3 (periodic inputs), and 13.4 (direct and indirect methods).
     """
     plant, trial = bench.plants[at], bench.trial
@@ -69,7 +70,7 @@ def loop_response(bench: Bench, at: int, controller: Controller, name: str, bow_
     command, span, share = kind.moved_by(bench.plants[0], name)
     period = round(_PERIOD * trial.scale / plant.dt)
     lead = round(_LEAD * trial.scale / plant.dt)
-    # odd ones alone: what comes back between them is no answer to the signal
+    # only odd lines: what appears between them is not a response to the signal
     lines = 2 * np.unique(np.geomspace(1.0, 0.22 * period, _LINES).round().astype(int)) - 1
     signal = share * span * _multisine(period, lines)
     signal *= min(1.0, _room(bench, at, command) / (_CREST * share * span))
@@ -77,14 +78,14 @@ def loop_response(bench: Bench, at: int, controller: Controller, name: str, bow_
     together = {command: 1.0, **kind.mirror(plant, name, bow_share)}
     shaken = Excited(controller, {other: factor * whole for other, factor in together.items()}, plant.dt)
     now = dict(zip(plant.outputs, plant.output(bench.starts[at][0]).tolist(), strict=True))
-    held = {other: [(0.0, now[other])] for other in trial.held}  # what this vehicle can hold
+    held = {other: [(0.0, now[other])] for other in trial.held}  # values that this vehicle can hold
     try:
         run = run_trial(plant, shaken, held, (lead + period) * plant.dt, start=bench.starts[at])
     except (Diverged, OverflowError):
         return Response(np.array([1.0]), np.array([0j]), False)
     acting = run.get(set_point_of(command), run[command])
     added = np.fft.rfft(run[excitation_of(command)][lead:-1])[lines]
-    # what still drifts is taken for a straight line: the signal is the same at both ends
+    # remove a linear drift: the signal is the same at both ends
     periodic = acting[lead:-1] - np.arange(period) / period * (acting[-1] - acting[lead])
     answer = np.fft.rfft(periodic)
     energy, answered = np.abs(answer[1:]) ** 2, np.abs(answer[lines]) ** 2
@@ -93,7 +94,7 @@ def loop_response(bench: Bench, at: int, controller: Controller, name: str, bow_
 
 
 def margins_of(omega: np.ndarray, loop: np.ndarray) -> Margins:
-    """The margins of a loop that is stable when it is closed, from its response; sought between its frequencies."""
+    """The margins of a loop that is stable in closed loop, from its response; interpolated between its frequencies."""
     fine = np.geomspace(omega[0], omega[-1], _FINE)
     size = np.interp(np.log(fine), np.log(omega), np.log(np.maximum(np.abs(loop), 1e-300)))
     phase = np.interp(np.log(fine), np.log(omega), np.unwrap(np.angle(loop)))
@@ -110,14 +111,14 @@ def margins_of(omega: np.ndarray, loop: np.ndarray) -> Margins:
 
 
 def _crossings(values: np.ndarray) -> np.ndarray:
-    """Where values go through zero without a jump, as indices with a fraction."""
+    """Fractional indices at which values cross zero without a jump."""
     before, after = values[:-1], values[1:]
     at = np.flatnonzero((np.sign(before) != np.sign(after)) & (np.abs(after - before) < pi))
     return at + before[at] / (before[at] - after[at])
 
 
 def _at(places: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values at indices with a fraction."""
+    """Values at fractional indices."""
     return np.interp(places, np.arange(values.size), values)
 
 
@@ -131,7 +132,7 @@ def _multisine(period: int, lines: np.ndarray) -> np.ndarray:
 
 
 def _room(bench: Bench, at: int, command: str) -> float:
-    """How far a command may go to either side of the one at the start; infinite for an axis of a wrench."""
+    """The range of a command to either side of its initial value; infinite for an axis of a wrench."""
     plant = bench.plants[at]
     if command not in plant.inputs:
         return inf

@@ -1,7 +1,7 @@
-"""Vehicles that the data allow: drawn from the intervals of coefficients and effects, and at their ends.
+"""Vehicles that the data allow: random ones from the intervals of coefficients and effects, and corners of these.
 
-A coefficient that is not zero keeps its sign, since a rudder without effect cannot be steered by any gains: towards
-zero it is drawn by factors, and an interval that reaches zero ends as far below the value, by factor, as above it.
+A nonzero coefficient keeps its sign, since no gains can steer with a rudder that has no effect.  Towards zero it is
+drawn by factors, and an interval that reaches zero ends as far below the value, by factor, as above it.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from auv_gym.plant import Plant
 from controllers.tuning.kinds import KINDS
 
 Intervals = Mapping[str, tuple[float, float]]
-CHANGE = 0.2  # of a coefficient to either side, where nothing is known of it
-_NORMAL = 1.959964  # standard deviations from the middle to the end of a 95 % interval
+CHANGE = 0.2  # of a coefficient to either side, if nothing is known about it
+_NORMAL = 1.959964  # standard deviations in half a 95 % interval
 _LISTED = 3  # channels in a warning
-_UNSTABLE = 1e-3  # 1/s; of a slower pole free runs over some minutes stay near
-_WIDE = 0.5  # of a coefficient: where its deviation makes a wider half interval, it is lognormal
+_UNSTABLE = 1e-3  # 1/s; with a slower pole, free runs over some minutes stay close
+_WIDE = 0.5  # of a coefficient: if its deviation gives a wider half interval, it is lognormal
 
 
 def known_intervals(plant: Plant) -> dict[str, tuple[float, float]]:
-    """The 95 % intervals of a vehicle's main coefficients: by the deviations in its file, else 20 % to either side."""
+    """The 95 % intervals of a vehicle's main coefficients: from the deviations in its file, or 20 % to either side."""
     paths = [*plant.family.coefficients, *(p for p in KINDS.of(plant.family).besides if p in list_paths(plant))]
     found = {}
     for path in dict.fromkeys((*paths, *plant.deviations)):
@@ -41,7 +41,7 @@ def known_intervals(plant: Plant) -> dict[str, tuple[float, float]]:
 
 
 class Uncertain(NamedTuple):
-    """A vehicle with fitted values, their 95 % intervals by path, and why these may be wrong, in sentences."""
+    """A vehicle with fitted values, their 95 % intervals by path, and doubts about these, in sentences."""
 
     plant: Plant
     intervals: dict[str, tuple[float, float]]
@@ -49,9 +49,9 @@ class Uncertain(NamedTuple):
 
 
 def read_uncertain(plant: Plant, file: str | os.PathLike) -> Uncertain:
-    """The vehicle with the values of a diagnosis.json, or of a fit's JSON, and their 95 % intervals.
+    """The vehicle with the values and 95 % intervals of a diagnosis.json, or of a fit's JSON.
 
-    Of several logs with effects of their own, it is the vehicle as in the last one.
+    If several logs have effects of their own, it is the vehicle of the last log.
     """
     values: dict[str, Any] = {}
     intervals: dict[str, tuple[float, float]] = {}
@@ -88,9 +88,9 @@ def read_uncertain(plant: Plant, file: str | os.PathLike) -> Uncertain:
 
 
 def drawn(plant: Plant, intervals: Intervals, rng: np.random.Generator) -> Plant:
-    """A vehicle whose parameters are normal about the given ones, each side with its own spread.
+    """A random vehicle with parameters normal about the given ones, with a separate spread on each side.
 
-    Those that keep their sign are lognormal on the side of zero.
+    Parameters that keep their sign are lognormal on the side of zero.
     """
     found = {}
     for path, limits in intervals.items():
@@ -106,11 +106,11 @@ def drawn(plant: Plant, intervals: Intervals, rng: np.random.Generator) -> Plant
 
 
 def corner(plant: Plant, intervals: Intervals, rng: np.random.Generator) -> Plant:
-    """A vehicle with every parameter at one end of its interval, drawn."""
+    """A vehicle with every parameter at a randomly chosen end of its interval."""
     sides = rng.choice([-1.0, 1.0], len(intervals))
     found = {}
     for (path, limits), side in zip(intervals.items(), sides.tolist(), strict=True):
-        # the ends by size, so that a side means the same for coefficients of either sign
+        # the ends by magnitude, so that a side means the same for coefficients of either sign
         near, far = sorted(limits, key=abs)
         found[path] = far if side > 0.0 else near
     return replace_at(plant, found)
@@ -119,7 +119,7 @@ def corner(plant: Plant, intervals: Intervals, rng: np.random.Generator) -> Plan
 def _possible(plant: Plant, path: str, limits: tuple[float, float], least: float = 0.0) -> tuple[float, float]:
     """An interval within the bounds of its parameter, and on its side of zero if it keeps its sign.
 
-    least: the share of the value below which the end on the side of zero is moved.
+    least: the smallest share of the value for the end on the side of zero.
     """
     value, (low, high) = value_at(plant, path), limits
     if _keeps_sign(plant, path):
@@ -139,7 +139,7 @@ def _keeps_sign(plant: Plant, path: str) -> bool:
 
 
 def _doubts(told: Mapping[str, Any]) -> tuple[str, ...]:
-    """What a diagnosis or a fit says against itself."""
+    """The doubts that a diagnosis or a fit reports about itself."""
     found = []
     if told.get("verdict") == "unexplained":
         found.append(

@@ -1,4 +1,4 @@
-"""Gains of a vehicle, found by simulation for the least cost, and judged over all vehicles that the data allow."""
+"""Tuning of a vehicle's gains by simulation for the least cost, and assessment over vehicles that the data allow."""
 
 from __future__ import annotations
 
@@ -27,30 +27,30 @@ from controllers.tuning.response import UNSETTLED, Response, loop_response
 from controllers.tuning.spread import Intervals, corner, drawn
 
 EVALUATIONS = 40  # of the cost, per loop
-DRAWS = 12  # of vehicles on which gains are judged, and half as many corners
-BAND = 0.05  # of the step, or the sensor's noise if that is more: settled
+DRAWS = 12  # number of vehicles on which gains are assessed, plus half as many corners
+BAND = 0.05  # of the step, or the sensor's noise if larger: counts as settled
 LAWS = ("pid", "gpc")
-_SEARCH = 0.7  # of the time, about, for the search
+_SEARCH = 0.7  # approximate share of the time spent on the search
 _FAILED = 1e6
 _FACTORS = 0.7  # natural logarithm of the first changes of the gains
-# of each plant, what a requirement costs that is not met: as much as an overshoot of half a step, and more the further
-# the loop is from it, over the limit
+# cost per plant of a requirement that is not met: as much as an overshoot of half a step, plus a term proportional to
+# the distance from the limit, relative to it
 _UNMET, _SHORT = 5.0, 20.0
-_SCREENED = 6  # draws, and as many corners, among which the plants of the second half of a search are the worst
+_SCREENED = 6  # draws, and as many corners; the worst of them are the plants in the second half of a search
 _TUNED = (
     *("proportional", "integral", "derivative", "error_scale", "rate_scale"),
     *("frequency", "damping", "effort", "drift_factor"),
 )
-_FULL = 1e-3  # of the range, within which a command is at its limit
+_FULL = 1e-3  # of the range; closer to its limit, a command counts as being at it
 
 Progress = Callable[[float, str], object]
 
 
 @dataclass(frozen=True, eq=False)
 class Trying:
-    """What the loop of a channel did on one vehicle: its response, step and quantities; run: of its trial.
+    """The result of a channel's loop on one vehicle: its response, step and quantities; run: of its trial.
 
-    run: None where it left the finite numbers.
+    run: None if it diverged.
     """
 
     response: Response
@@ -59,7 +59,7 @@ class Trying:
 
 
 class Hardest(NamedTuple):
-    """Where a loop is furthest from a requirement: the number of the vehicle, the loop's channel, and the value."""
+    """The loop furthest from a requirement: the number of the vehicle, the loop's channel, and the value."""
 
     at: int
     channel: str
@@ -69,9 +69,9 @@ class Hardest(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """Gains over the vehicles that the data allow, by channel; the first is the vehicle as it is given.
+    """The assessment of gains on the vehicles that the data allow, by channel; the first is the given vehicle.
 
-    plants: as they were drawn, corners last, without those that could not be started; refused: why not, of each.
+    plants: as drawn, corners last, without those that could not be started; refused: the reason for each of these.
     warnings: why the vehicle or its intervals may be wrong, in sentences.
     """
 
@@ -93,7 +93,7 @@ class Judged:
         return [trying.quantities[quantity] for trying in self.loops[channel]]
 
     def verdicts(self) -> list[tuple[str, Requirement, float, int]]:
-        """For each loop and requirement the worst value, and on how many vehicles it is met."""
+        """For each loop and requirement, the worst value, and the number of vehicles that meet it."""
         found = []
         for channel in self.loops:
             for requirement in self.requirements:
@@ -104,7 +104,7 @@ class Judged:
         return found
 
     def hardest(self) -> Hardest | None:
-        """The drawn vehicle on which a loop is furthest from a requirement, over its limit; None without any."""
+        """The drawn vehicle on which a loop is furthest from a requirement, relative to its limit; None without any."""
         found = []
         for channel, requirement, value, _ in self.verdicts():
             at = self.values(channel, requirement.quantity).index(value)
@@ -112,7 +112,7 @@ class Judged:
         return max(found, key=lambda pair: pair[0])[1] if found else None
 
     def changed(self, at: int) -> dict[str, float]:
-        """The uncertain parameters of one of the vehicles by path, those furthest from the given ones first."""
+        """The uncertain parameters of one of the vehicles by path, those with the largest changes first."""
         given = {path: value_at(self.plant, path) for path in self.intervals}
         values = {path: value_at(self.plants[at], path) for path in given}
 
@@ -123,7 +123,7 @@ class Judged:
         return dict(sorted(values.items(), key=lambda item: -distance(item[0])))
 
     def notes(self) -> tuple[str, ...]:
-        """What a file of these gains has to say of them: warnings, what is not met, and the worst vehicle in SI."""
+        """Notes for a file of these gains: warnings, requirements that are not met, and the worst vehicle in SI."""
         count = len(self.plants)
         tested = "Tested on the vehicle itself" + (
             f" and on {count - 1} drawn from its intervals." if count > 1 else "."
@@ -147,7 +147,7 @@ class Judged:
 
 
 def first_gains(plant: Plant, laws: Sequence[str] = ("pid",)) -> Gains:
-    """Gains to start from: a hull's by its linear-quadratic regulators, others' by their lags and engines."""
+    """Initial gains: for a hull from linear-quadratic regulators, for others from their lags and engines."""
     share = KINDS.of(plant.family).bow_share(plant)
     return Gains(plant.name, plant.dt, share, {law: first_loops(plant, law) for law in laws})
 
@@ -160,9 +160,9 @@ def tuned(
     requirements: Sequence[Requirement] = (),
     start: Gains | None = None,
 ) -> Gains:
-    """The gains of a bench's vehicle, after so many evaluations for each loop, from `first_gains` or another start.
+    """The gains of a bench's vehicle after `evaluations` for each loop, from `first_gains` or another start.
 
-    Without requirements they are those of the least cost; with them what a loop is short of one counts too.
+    Without requirements, they minimise the cost; with requirements, a shortfall adds to the cost.
     """
     plant = bench.plants[0]
     gains = _all_rounded(first_gains(plant, laws) if start is None else start)
@@ -183,12 +183,12 @@ def tuned(
 
 
 def _hardest(bench: Bench, gains: Gains, law: str, name: str, requirements: Sequence[Requirement]) -> Bench:
-    """The bench with as many changed plants as it has, but those on which a loop is furthest from its requirements."""
+    """The bench with the same number of variants, but those on which a loop is furthest from its requirements."""
     plant, rng = bench.plants[0], np.random.default_rng([bench.seed, 2])
     others = [*bench.plants[1:]]
     for make in (drawn, corner):
         others += [make(plant, bench.intervals, rng) for _ in range(_SCREENED)]
-    able, _ = bench.with_able((plant, *others))  # the rest cannot hold themselves at the start, whatever the gains
+    able, _ = bench.with_able((plant, *others))  # the others cannot hold themselves at the start, whatever the gains
     controller = _controller(able, gains, law)
     short = [_shortfall(able, at, controller, gains, law, name, requirements) for at in range(1, len(able.plants))]
     worst_first = 1 + np.argsort(-np.array(short), kind="stable")[: len(bench.plants) - 1]
@@ -208,7 +208,7 @@ def judged(
     warnings: Sequence[str] = (),
     show: Progress = lambda share, text: None,
 ) -> Judged:
-    """Gains on the vehicle, on draws from the intervals and on half as many corners of them."""
+    """Assess gains on the vehicle, on draws from the intervals and on half as many corners of them."""
     bench, rng = bench_of(plant, seed, intervals), np.random.default_rng([seed, 1])
     corners = (draws + 1) // 2
     asked = [*(drawn(plant, intervals, rng) for _ in range(draws))]
@@ -242,7 +242,7 @@ def judged(
 
 
 def check_law(plant: Plant, law: str) -> None:
-    """Raises ValueError if gains of this law cannot be tuned for a vehicle."""
+    """Raise ValueError if gains of this law cannot be tuned for a vehicle."""
     if plant.family.kind not in KINDS.names:
         able = [name for name in list_vehicles() if load_vehicle(name).family.kind in KINDS.names]
         needless = plant.family.kind in CONTROL.names
@@ -268,7 +268,7 @@ def tune_and_judge(
     warnings: Sequence[str] = (),
     show: Progress = lambda share, text: None,
 ) -> Judged:
-    """Gains tuned towards requirements, as texts, and judged over intervals on draws that no tuning has seen."""
+    """Tune gains towards requirements, given as texts, and assess them over intervals on draws not used in tuning."""
     check_law(plant, law)
     bench = bench_of(plant, seed, intervals)
     asked = parse_requirements(require or USUAL, tuple(bench.trial.steps))
@@ -283,7 +283,7 @@ def tune_and_judge(
 def trying(
     bench: Bench, at: int, controller: Controller, name: str, bow_share: float, run: Run | None = None
 ) -> Trying:
-    """The loop of a channel on one of the bench's plants; run: of its trial, where that has been flown."""
+    """The loop of a channel on one of the bench's plants; run: of its trial, if already simulated."""
     response = loop_response(bench, at, controller, name, bow_share)
     try:
         run = tried(bench, at, controller, name) if run is None else run
@@ -308,7 +308,7 @@ def step_quantities(bench: Bench, run: Run, name: str) -> dict[str, float]:
 
 
 def cost(bench: Bench, gains: Gains, law: str, name: str, requirements: Sequence[Requirement] = ()) -> float:
-    """What the loop of a channel costs, the mean over the plants; large where a run leaves the finite numbers."""
+    """The cost of a channel's loop, the mean over the plants; large if a run diverges."""
     total, controller = 0.0, _controller(bench, gains, law)
     for at in range(len(bench.plants)):
         try:
@@ -331,14 +331,14 @@ def _shortfall(
     requirements: Sequence[Requirement],
     run: Run | None = None,
 ) -> float:
-    """What the requirements that a loop does not meet on one of the plants cost."""
+    """The cost of the requirements that a loop does not meet on one of the plants."""
     found = trying(bench, at, controller, name, _bow_share(gains, law), run)
     short = [requirement.shortfall(found.quantities[requirement.quantity]) for requirement in requirements]
     return sum(_UNMET + _SHORT * size for size in short if size > 0.0)
 
 
 def _bow_share(gains: Gains, law: str) -> float:
-    """How far bow planes move with the stern planes: predictive control leaves them alone."""
+    """The movement of bow planes relative to the stern planes; predictive control does not use them."""
     return 0.0 if law == "gpc" else gains.bow_share
 
 
@@ -347,7 +347,7 @@ def _controller(bench: Bench, gains: Gains, law: str) -> Controller:
 
 
 def _at_limit(bench: Bench, run: Run, name: str) -> np.ndarray:
-    """Where the command that moves a channel is at its limit, or thrusters fall short of what is wanted of them."""
+    """Where the command that moves a channel is at its limit, or thrusters fall short of the wanted wrench."""
     plant = bench.plants[0]
     moved = KINDS.of(plant.family).moved_by(plant, name)
     values, full = run[moved.command], _FULL * moved.span
@@ -387,7 +387,7 @@ def _improved(
         nonlocal done
         done += 1
         told(min(done, evaluations))
-        # an integral that runs away in the logarithm is as good as none, and is not worth the search
+        # an integral that diverges in the logarithm is as good as zero, and not worth the search
         near = 0.01 * float(np.square(logarithms).sum())
         return cost(bench, at(logarithms), law, name, requirements) + near
 
@@ -413,5 +413,5 @@ def _all_rounded(gains: Gains) -> Gains:
 
 
 def _rounded(value: float) -> float:
-    """To four digits: more say nothing, and differ between machines."""
+    """The value rounded to four digits: more are meaningless, and differ between machines."""
     return float(f"{value:.4g}")

@@ -1,4 +1,4 @@
-"""What tuning has to know of each kind of vehicle: one module a kind, each with a `KIND`."""
+"""Tuning of each kind of vehicle: one module per kind, each with a `KIND`."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from controllers.gains import Loops
 from controllers.trials.trial import Steps
 
 Start = tuple[np.ndarray, np.ndarray]
-SEGMENT = 30.0  # s per time scale of the vehicle, of one target; a run has two
-_GPC = {"effort": 1.0, "drift_factor": 1.0}  # what of predictive control is tuned, and its usual values
-OFF = 0.05  # of an actuator's range, by which it is off its zero in the changed plants
+SEGMENT = 30.0  # s per time scale of the vehicle, duration of a target; a run has two
+_GPC = {"effort": 1.0, "drift_factor": 1.0}  # tuned settings of predictive control, and their default values
+OFF = 0.05  # of an actuator's range, its offset in the variants
 
 
 class Trial(NamedTuple):
-    """Steps of the targets, targets that stand, s of a run, s of the vehicle's time scale, and where a run starts.
+    """Steps of the targets, constant targets, s of a run, s of the vehicle's time scale, and the start of a run.
 
-    alone: channels that move while all others stand.
+    alone: channels that move while all others are constant.
     """
 
     steps: Steps
@@ -34,9 +34,7 @@ class Trial(NamedTuple):
 
 
 class Moved(NamedTuple):
-    """What moves a channel: an input or an axis of the wrench, its range, and the share of it by which a loop is shaken
-    to see its response.
-    """
+    """The input, or axis of the wrench, that moves a channel, its range, and the share of it used to excite a loop."""
 
     command: str
     span: float
@@ -49,13 +47,13 @@ def _nothing(plant: Plant) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class TuningKind:
-    """What tuning has to know of a kind of vehicle.
+    """The properties of a kind of vehicle for tuning.
 
-    trial: what its loops are tried with.  first: gains to start from, of a plant and a law ("pid", "s_plane").
-    loops: of a plant and a law, by channel the loops that are tuned together.  moved_by: of a plant and a channel.
-    mirror: by input, how far it moves with the one that moves a channel, of a plant, a channel and the share of bow
-    planes.  offsets: of the actuators in the changed plants, by path.  besides: coefficients that are uncertain
-    besides those of the family.
+    trial: for testing its loops.  first: initial gains, from a plant and a law ("pid", "s_plane").
+    loops: from a plant and a law, by channel the loops that are tuned together.  moved_by: from a plant and a channel.
+    mirror: from a plant, a channel and the share of bow planes: by input, how far it moves with the one that moves a
+    channel.  offsets: of the actuators in the variants, by path.  besides: uncertain coefficients in addition to those
+    of the family.
     """
 
     trial: Callable[[Plant], Trial]
@@ -69,7 +67,7 @@ class TuningKind:
 
 
 def law(proportional: float, integral: float, derivative: float = 0.0, **settings: float) -> dict[str, float]:
-    """Settings of a Pid; a derivative of the other sign is left out."""
+    """Settings of a Pid; a derivative of the opposite sign is left out."""
     found = {"proportional": proportional, "integral": integral}
     if derivative * proportional > 0.0:
         found["derivative"] = derivative
@@ -80,13 +78,13 @@ KINDS: Kinds[TuningKind] = Kinds("controllers.tuning.kinds", "Tuning knows")
 
 
 def loops_of(plant: Plant, law: str) -> Mapping[str, tuple[str, ...]]:
-    """By channel the loops that are tuned together; predictive control has one of its own for each."""
+    """The loops that are tuned together, by channel; predictive control has a separate one for each."""
     loops = KINDS.of(plant.family).loops
     return {name: (name,) for name in loops(plant, "pid")} if law == "gpc" else loops(plant, law)
 
 
 def first_loops(plant: Plant, law: str) -> Loops:
-    """Gains to start from, of a law."""
+    """Initial gains of a law."""
     if law == "gpc":
         return dict.fromkeys(loops_of(plant, law), _GPC)
     return KINDS.of(plant.family).first(plant, law)

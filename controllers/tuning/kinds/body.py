@@ -1,4 +1,4 @@
-"""How loops of vehicles in six degrees of freedom are tried and begun: depth by way of pitch, heading, speed."""
+"""Trials and initial gains of vehicles in six degrees of freedom: depth by pitch, heading, speed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from controllers.tuning.kinds import OFF, SEGMENT, Moved, Trial, TuningKind, law
 
 TABLE_4 = {"heading": (0.9, 1.7, 0.0024), "depth": (2.3, 2.4, 0.00006), "speed": (0.8, 0.1, 0.02)}  # Xu et al. 2013
 _PITCH_LIMIT = 0.35  # rad
-_BOW_SHARE = -1.0  # bow planes against stern planes: a moment without a force
+_BOW_SHARE = -1.0  # bow planes opposed to stern planes: a moment without a force
 _VERTICAL = ("hull.heave.uw", "hull.pitch.uw", "hull.pitch.uq", "parts.stern_plane.moment")
 _LOOPS = {
     "pid": {"u_mps": ("speed",), "heading_rad": ("heading",), "depth_m": ("pitch", "depth")},
@@ -33,7 +33,7 @@ def _trial(plant: Plant) -> Trial:
 
 
 def _first(plant: Plant, of_law: str) -> Loops:
-    """By the linear-quadratic regulators of the environments, with slow integrals."""
+    """Initial gains from the environments' linear-quadratic regulators, with slow integrals."""
     cruise, limits, helm = find_cruise(plant), command_limits(plant), find_helm(plant)
     length, speed = plant.hull.length, cruise.speed
     time = length / speed
@@ -66,7 +66,7 @@ def _first(plant: Plant, of_law: str) -> Loops:
 
 
 def _scales(loop: str, span: float, proportional: float, derivative: float) -> tuple[float, float]:
-    """Scales of error and rate with which a small error moves the command as these gains do."""
+    """Scales of error and rate with which the command for a small error is that of these gains."""
     k1, k2, _ = TABLE_4[loop]
     return 0.5 * span * k1 / abs(proportional), 0.5 * span * k2 / abs(derivative)
 

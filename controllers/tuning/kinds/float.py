@@ -1,4 +1,4 @@
-"""How the depth loop of a float is tried and begun: from placed poles."""
+"""Trials and initial gains of a float's depth loop, by pole placement."""
 
 from __future__ import annotations
 

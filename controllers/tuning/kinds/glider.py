@@ -1,4 +1,4 @@
-"""How the heading loop of a glider is tried and begun: from placed poles."""
+"""Trials and initial gains of a glider's heading loop, by pole placement."""
 
 from __future__ import annotations
 

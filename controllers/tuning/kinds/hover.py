@@ -1,4 +1,4 @@
-"""How loops of a vehicle that hovers are tried and begun: each axis of its pose that thrusters serve."""
+"""Trials and initial gains of a hovering vehicle's loops: each axis of its pose that thrusters serve."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from controllers.kinds.hover import axis_of, dynamics_of, placed_frequencies, po
 from controllers.trials.trial import Steps, at_rest
 from controllers.tuning.kinds import Moved, Trial, TuningKind
 
-_LENGTHS = 40.0  # 1 / frequency of the slowest loop, of one target
+_LENGTHS = 40.0  # 1 / frequency of the slowest loop, duration of a target
 _DEEP = 20.0  # m
 _STEP, _TURN, _TILT = 1.0, 0.9, 0.2  # m, rad
-# of the range, by which an axis is shaken: thrusters have to leave their dead zones
+# of an axis's range, to excite it: thrusters have to leave their dead zones
 _SHAKEN = 0.1
 
 
