@@ -111,8 +111,9 @@ def residual_table(tests: Mapping[str, Mapping[str, Any]]) -> Table:
 
 
 def identified_page(title: str, done: Identified, words: str) -> str:
-    """The page of one fit: free runs over held-out data, parameters, residual tests; of a linear fit also predictions
-    over the horizon, poles and zeros, its frequency response and where its orders are from.  words: what was fitted.
+    """The page of one fit: free runs over held-out data, parameters, residual tests; words: what was fitted.
+
+    For a linear fit also predictions over the horizon, poles and zeros, frequency response, and the choice of orders.
     """
     found, sections = [*(f"Check the data: {doubt}" for doubt in done.doubts), words], []
     if done.open_loop is not None and done.open_loop.runs:
