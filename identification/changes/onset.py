@@ -150,7 +150,7 @@ class _Forms:
         return [*([self.throughout] if self.throughout else []), *(c for group in self.groups for c in group)]
 
     def without(self, chosen: Candidate) -> _Forms:
-        """The forms that are left once one is chosen; what is known from a time on is needed for spans."""
+        """The forms that are left once one is chosen; spans, built from whole groups, stay only if all groups do."""
         groups = tuple(group for group in self.groups if chosen not in group)
         whole = len(groups) == len(self.groups) and chosen is not self.throughout and chosen not in self.spans
         return _Forms(self.throughout if chosen is not self.throughout else None, groups, self.spans if whole else ())
