@@ -59,7 +59,7 @@ def read_uncertain(plant: Plant, file: str | os.PathLike) -> Uncertain:
         told = json.loads(Path(file).read_text(encoding="utf-8"))
         effects = told.get("effects", ())
         entries = [*told.get("coefficients", ()), *(e for e in effects if "in_last_log" not in e)]
-        entries += [e["in_last_log"] for e in effects if e.get("in_last_log")]  # of some logs only: as it is now
+        entries += [e["in_last_log"] for e in effects if e.get("in_last_log")]  # of some logs only: as in the last log
         for entry in [*entries, *told.get("parameters", ())]:
             path = entry.get("path") or entry["name"]
             values[path] = float(entry["value"])
