@@ -26,7 +26,7 @@ def glide_speed(
     0.05 to 1 m/s.
     attack: function from pitch to the angle of attack of a steady glide, both rad, such as `glide_attack`.  None
     neglects it: since the glide path is about 3 degrees steeper than the pitch, the speed is about 10 % too high, both
-    up and down.  Vertical motion of the water is included in the speed.
+    up and down.  Vertical motion of the water adds a further error.
     """
     time, depth, pitch = (np.asarray(a, dtype=float) for a in (time, depth, pitch))
     known = np.isfinite(depth) & np.isfinite(pitch)
