@@ -84,7 +84,7 @@ def look(t, e, row):
 
 
 def set_out(plan, x, t, e, row):
-    """Set the first target or leg of an episode, and the set points of the held fins."""
+    """Set the first target or leg of an episode, and the set points of the fins held by regulators."""
     e.held[0], e.held[1] = x[DEPTH], x[HEADING]
     if t.follows_path == 0.0:
         first_target(x, t, e, row)
