@@ -16,12 +16,13 @@ except ImportError as error:
 
 
 class StableBaselinesVecEnv(VecEnv):
-    """The `VecEnv` on a vector environment that resets in the same step, such as
+    """The stable-baselines3 `VecEnv` of a vector environment that resets in the same step, for example
 
         gymnasium.make_vec("auv_gym/Depth-v0", num_envs=64, autoreset_mode="SameStep")
 
     The info of an environment that has ended is that of its last step, with `terminal_observation` and
-    `TimeLimit.truncated`; those of the others are empty unless `step_infos` says so, for they cost more than the step.
+    `TimeLimit.truncated`; those of the others are empty unless `step_infos` asks for them, as they cost more than the
+    step.
     """
 
     def __init__(self, envs: gymnasium.vector.VectorEnv, *, step_infos: bool = False):

@@ -69,7 +69,7 @@ class Lags:
 
     @property
     def carried(self) -> np.ndarray:
-        """For each output, 1 if it integrates, otherwise 0."""
+        """Which outputs integrate: 1 for those, otherwise 0."""
         return np.array([float(name in self.integrating) for name in self.outputs])
 
     @cached_property

@@ -43,7 +43,7 @@ def table_thrust(voltage, inflow, table):
 
 @compiled
 def slipstream_speed(shaft_speed, u, pitch, c_t1):
-    """u eps of the NPS propulsion model, m/s: the speed that the propeller adds to the flow at the planes.
+    """The speed u eps that the propeller adds to the flow at the planes, m/s, in the NPS propulsion model.
 
     eps = -1 + sign(n)/sign(u) (sqrt(C_t + 1) - 1)/(sqrt(C_t1 + 1) - 1), C_t = c_t1 eta|eta|, eta = pitch n/u;
     multiplied by u here, to avoid dividing by it. The formula has no value for C_t < -1 (astern): the root is then

@@ -106,7 +106,10 @@ def output(x, actuators, sensors, p, y):
 
 
 def _beyond(time: np.ndarray, columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """As for a glider with attitude as input; without a measured pitch, every sample counts as steep enough."""
+    """Masks of samples that steady flight does not describe, as in `glide`.
+
+    Without a measured pitch, every sample counts as steep enough.
+    """
     rate = np.gradient(columns["depth_m"], time) if time.size > 1 else np.zeros(time.size)
     assumed = np.where(rate > 0.0, -2.0 * FLATTEST, 2.0 * FLATTEST)
     return beyond(time, {"pitch_rad": assumed, **columns})

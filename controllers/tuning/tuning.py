@@ -93,7 +93,7 @@ class Judged:
         return [trying.quantities[quantity] for trying in self.loops[channel]]
 
     def verdicts(self) -> list[tuple[str, Requirement, float, int]]:
-        """For each loop and requirement, the worst value, and the number of vehicles that meet it."""
+        """The worst value for each loop and requirement, and the number of vehicles that meet it."""
         found = []
         for channel in self.loops:
             for requirement in self.requirements:
@@ -347,7 +347,7 @@ def _controller(bench: Bench, gains: Gains, law: str) -> Controller:
 
 
 def _at_limit(bench: Bench, run: Run, name: str) -> np.ndarray:
-    """Where the command that moves a channel is at its limit, or thrusters fall short of the wanted wrench."""
+    """Mask of the samples with the command of a channel at its limit, or thrusters short of the wanted wrench."""
     plant = bench.plants[0]
     moved = KINDS.of(plant.family).moved_by(plant, name)
     values, full = run[moved.command], _FULL * moved.span

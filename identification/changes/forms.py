@@ -80,7 +80,7 @@ class Changeable:
 
     @classmethod
     def of(cls, plant: Plant, record: Record, doubt: float) -> Changeable:
-        """Without effects that have a period, whose phase no change could keep, and those that jump with their size."""
+        """The parts of a plant that may change, except effects with a period or effects not smooth in size."""
         doubted = (p for p in plant.doubted if plant.deviation(p, doubt) > 0.0 and value_at(plant, p) != 0.0)
         return cls(tuple(c for c in candidates_of(plant, record) if c.sloped), tuple(doubted))
 

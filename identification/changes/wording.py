@@ -80,7 +80,7 @@ def timeline_summary(found: Timeline) -> list[str]:
 
 
 def timed_words(t: Timed, plant: Plant) -> str:
-    """`Rudder offset, 1.7 deg (95 % interval 1.6 to 1.8 deg), from 396 s on (95 % interval 384 to 404 s).`"""
+    """A sentence such as `Rudder offset, 1.7 deg (95 % interval 1.6 to 1.8 deg), from 396 s on (95 % ...).`"""
     text = sized(t.title, quantity(t.size.value, t.unit), interval(t.size.ci95, t.unit))
     text = f"{'' if t.path.startswith('effects.') else 'a change of '}{text}"
     text = capital(text)

@@ -111,7 +111,7 @@ def leads(records: Sequence[Record], inputs: Sequence[str], outputs: Sequence[st
 
 
 def _chances(surprise: np.ndarray, moves: _Moves, first: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """For shifts of 1 to `LONGEST` samples, the p-value of the correlation between errors and later moves.
+    """The p-values, for shifts of 1 to `LONGEST` samples, of the correlation between errors and later moves.
 
     first: row where the segment of each begins.  before: the inputs a sample before each row.
     Student's test on products of the moves with sums of the prediction errors just before them.  For unpredictable

@@ -235,7 +235,7 @@ def _figures(d: Diagnosis, extras: Extras) -> dict[str, Drawing | None]:
 
 
 def _errors(d: Diagnosis) -> list[dict[str, Any]]:
-    """For each output: words, error of each stage in unseen parts, and the reduction from before to after."""
+    """Rows by output: words, error of each stage in unseen parts, and the reduction from before to after."""
     refitted = "coefficients refitted"
     labels = {"before": refitted, "refitted": refitted, "after": f"with the {_additions(d)}"}
     rows = []
@@ -342,7 +342,7 @@ def _log_facts(d: Diagnosis) -> str:
 
 
 def _remains(d: Diagnosis) -> list[tuple[str, str]]:
-    """For each output its words, and a paragraph: size, noise floor, memory, and what the residual correlates with."""
+    """The words for each output, and a paragraph on its residual: size, noise floor, memory, correlations."""
     texts = []
     for name in d.after.fitted.channels:
         r, unit = d.remains[name], channel(name).unit

@@ -172,7 +172,7 @@ class Polynomial:
         return self.state_space.states
 
     def initial(self, y0: np.ndarray) -> np.ndarray:
-        """See StateSpace."""
+        """The state with these outputs that is nearest to rest; see `StateSpace.initial`."""
         return self.state_space.initial(y0)
 
     def step(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -188,7 +188,7 @@ class Polynomial:
         return self.state_space.correct(x, y)
 
     def run(self, record: Record, windows: Sequence[slice], starts: np.ndarray) -> np.ndarray:
-        """See StateSpace."""
+        """Outputs of free runs over windows of a record; see `StateSpace.run`."""
         return self.state_space.run(record, windows, starts)
 
 

@@ -31,7 +31,7 @@ def experiment_heading(rows: Sequence[Row]) -> str:
 
 
 def tracking(rows: Sequence[Row], records: Mapping[str, Record]) -> Table | None:
-    """By cell of the grid: errors against set points, activity of the inputs, share of time that the guard acted."""
+    """Tracking errors, activity of the inputs, and share of time that the guard acted, by cell of the grid."""
     if not rows:
         return None
     first = records[rows[0].id]

@@ -44,7 +44,7 @@ class Share:
 
     @property
     def words(self) -> str:
-        """For example: 71 % of the squared error is in the 24 % of samples with depth between 20 and 60 m."""
+        """A phrase such as: 71 % of the squared error is in the 24 % of samples with depth between 20 and 60 m."""
         label, unit = channel(self.name).label, channel(self.name).unit
         between = " and ".join(ends(self.stretch, unit or "1"))
         where = f"the {100 * self.sample_share:.0f} % of samples with {label} between {between}"
