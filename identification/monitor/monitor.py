@@ -28,8 +28,8 @@ from identification.monitor.bank import CLIP, Bank, bars_for, memories
 Values = Mapping[str, float] | np.ndarray
 _NOT_FELT = ("north_m", "east_m", "elapsed_s")  # signals that no force depends on
 CONSTANT, SCATTER = "constant", "scatter"
-# longest memory of the tests, as a share of a clean log's samples: the coefficients' error adds this share to the
-# square of z; the filter's memory is longer by the second factor
+# longest memory of the tests, as a share of a clean log's samples: over such a memory, the errors of P fitted
+# coefficients add this share times P to the square of z; the filter's memory is longer by the second factor
 _OF_CLEAN, _KEPT_ON = 0.05, 2.0
 _LONGEST = 1000.0  # samples
 _LEAST_CLEAN = 200  # samples of a clean log
