@@ -96,9 +96,12 @@ class Sensitivities(Followed):
         basis = self._basis(0.5 * (self._run_starts(point)[0] + self._run_starts(point, -1.0)[0]))
         return slopes, slopes - (slopes @ basis) @ basis.T
 
-    def without_starts(self, point: Point, slopes: np.ndarray) -> np.ndarray:
-        """What the stretches' starts cannot imitate of slopes, (P, rows * C)."""
-        basis = self.start_basis(point)
+    def without_starts(self, point: Point, slopes: np.ndarray, soon: bool = False) -> np.ndarray:
+        """What the stretches' starts cannot imitate of slopes, (P, rows * C).
+
+        soon: with columns of the starts by the linearised filter, as true as slopes by responses are.
+        """
+        basis = self._basis(self._starts_for_steps(point)[0]) if soon else self.start_basis(point)
         return slopes - (slopes @ basis) @ basis.T
 
     def free_sensitivity(self, point: Point, paths: Sequence[str]) -> np.ndarray:

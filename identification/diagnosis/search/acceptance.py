@@ -11,6 +11,7 @@ from auv_gym.param import spec_at, value_at
 from auv_gym.plant import Plant
 from identification.deciding import EFFECT_LEAST, EFFECT_SHARE, SURE, SURPRISE, TERM_LEAST, TERM_SHARE
 from identification.diagnosis.search.workbench import State, Workbench
+from identification.fit.intervals import Slopes
 
 EDGE = 1e-6  # of the span between a parameter's bounds
 
@@ -66,7 +67,10 @@ class Claim:
 
 @dataclass(frozen=True)
 class Weighed:
-    """The evidence for a change, and the objection to it, or ""; see `Claim`."""
+    """The evidence for a change, and the objection to it, or ""; see `Claim`.
+
+    held: zero where the evidence in all rows does not reach the bar.
+    """
 
     train: float
     held: float
@@ -102,12 +106,13 @@ def weighed(
     sizes: Sequence[Size],
     reach: Callable[[], Sequence[float]],
     bar: float,
+    slopes: Slopes = Slopes.CENTRAL,
 ) -> Weighed:
-    """What the gate says of sizes that one state has and the other has not."""
+    """What the gate says of sizes that one state has and the other has not; slopes: by which parts are foretold."""
     if not after.finite:
         return Weighed(0.0, 0.0, DIVERGES)
-    train, held = bench.gains(before, after)
-    known = bench.known_gain(before, after)
+    train, known = bench.gain(before, after), bench.known_gain(before, after)
+    held = bench.gain_foretold(before, after, slopes) if train >= bar else 0.0
     claim = Claim(train, held, bar, sizes, reach, lambda: bench.flies(after.plant), known)
     return Weighed(train, held, objection(claim), known)
 

@@ -10,12 +10,12 @@ import numpy as np
 
 from auv_gym.param import spec_at
 from auv_gym.threads import side_by_side
-from identification.deciding import ALIKE, HOPELESS, IDLE, PLAIN, SEEN, SURPRISE, TIE
+from identification.deciding import ALIKE, HOPELESS, IDLE, PLAIN, SAME, SEEN, SURPRISE, TIE
 from identification.diagnosis.log.kinematics import Mismatch
 from identification.diagnosis.search.acceptance import GONE, Weighed
 from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.ties import Likeness, cheaper_rival, imitations, least_cost_trial, likenesses, tied
-from identification.diagnosis.search.trials import Progress, Trial, gate, judged, trials_of
+from identification.diagnosis.search.trials import Progress, Trial, gate, judged, sure, trials_of
 from identification.diagnosis.search.workbench import State, Workbench
 
 LEADERS = 3  # that a round may have one after the other
@@ -101,10 +101,16 @@ def selected(
     plain = {path for m in sensors if m.evidence >= PLAIN for path in (m.path, *m.tied)}
     trials = trials_of(bench, state, left, count, progress, {*plain, *sought})
     accepted = [t for t in trials if not t.objection]
-    accepted = [t for t in accepted if not plain.isdisjoint(t.candidate.paths)] or accepted
-    if not accepted or not more:
+    if not more:
         return Round(tuple(trials), None, (), {}, before=state)
-    best = least_cost_trial(bench, accepted)
+    known = [t for t in accepted if not plain.isdisjoint(t.candidate.paths)]
+    best, trials = _first_sure(bench, state, trials, known, count)
+    if best is not None:
+        accepted = known
+    else:
+        best, trials = _first_sure(bench, state, trials, [t for t in accepted if t not in known], count)
+    if best is None:
+        return Round(tuple(trials), None, (), {}, before=state)
     for _ in range(LEADERS):  # an effect like the chosen one may do better once it starts from there
         chosen = best
         others = [t for t in trials if t.candidate is not chosen.candidate]
@@ -112,13 +118,44 @@ def selected(
         if not bench.goes_on("fitted effects like those it names again"):
             break
         others = side_by_side(partial(_beside, bench, state, chosen, alike, count), others)
-        best = cheaper_rival(bench, chosen, [t for t in others if not t.objection and t not in accepted])
+        rivals = [t for t in others if not t.objection and t not in accepted]
+        while (best := cheaper_rival(bench, chosen, rivals)) is not chosen:
+            passed = sure(bench, state, best, count)
+            others = [passed if t is best else t for t in others]
+            rivals = [t for t in rivals if t is not best]
+            if not passed.objection:
+                best = passed
+                break
         trials = [chosen, *others]
         if best is chosen:
             break
+    others = [_if_tied(bench, state, chosen, t, alike[t.candidate], count) for t in others]
+    trials = [chosen, *others]
     group = [t for t in others if tied(bench, chosen, t, alike[t.candidate])]
     chosen, group = _by_kinematics(chosen, group, sensors)
     return Round(tuple(trials), chosen, tuple(group), _angles(alike), before=state)
+
+
+def _first_sure(
+    bench: Workbench, state: State, trials: Sequence[Trial], accepted: Sequence[Trial], count: int
+) -> tuple[Trial | None, list[Trial]]:
+    """The trial of least cost, of some that were accepted, that is `sure`, and all trials with what that says."""
+    trials, left = list(trials), list(accepted)
+    while left:
+        best = least_cost_trial(bench, left)
+        passed = sure(bench, state, best, count)
+        trials, left = [passed if t is best else t for t in trials], [t for t in left if t is not best]
+        if not passed.objection:
+            return passed, trials
+    return None, trials
+
+
+def _if_tied(
+    bench: Workbench, state: State, chosen: Trial, other: Trial, alike: Sequence[Likeness], count: int
+) -> Trial:
+    """A trial, with all that the gate asks if it is tied with the chosen one and does not act just as that does."""
+    same = any(1.0 - way.cosine**2 < SAME for way in alike)
+    return other if same or not tied(bench, chosen, other, alike) else sure(bench, state, other, count)
 
 
 def _by_kinematics(chosen: Trial, group: list[Trial], sensors: Sequence[Mismatch]) -> tuple[Trial, list[Trial]]:

@@ -18,6 +18,7 @@ from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.trials import Trial
 from identification.diagnosis.search.workbench import State, Workbench
+from identification.fit.intervals import Slopes
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +72,9 @@ def preferred(bench: Workbench, made: Round, before: State, count: int, counted:
     tried = [t for t in made.trials if t.state is not None and t.objection not in (DIVERGES, LIMITED)]
     if not tried:
         return None
-    share, start = float(np.mean(counted)), bench.by_part(before).refitted(counted)[1]
-    gains = [2.0 * (bench.by_part(_state(t)).refitted(counted)[1] - start) - t.price for t in tried]
+    slopes = Slopes.ONE_SIDED  # of all alike: they are compared with each other
+    share, start = float(np.mean(counted)), bench.by_part(before, slopes).refitted(counted)[1]
+    gains = [2.0 * (bench.by_part(_state(t), slopes).refitted(counted)[1] - start) - t.price for t in tried]
     best = int(np.argmax(gains))
     if gains[best] < SEEN_BY_HALF * share * threshold(count, len(tried[best].candidate.free)):
         return None

@@ -233,7 +233,8 @@ class Mean:
     def soon_slopes(self, point, paths):
         return np.exp(-0.5 * (2.0 * point.logs[1] + point.logs[2]))[None, None]
 
-    def without_starts(self, point, slopes):
+    def without_starts(self, point, slopes, soon):
+        assert soon
         return slopes
 
     def counted_errors(self, point):
