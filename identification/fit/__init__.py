@@ -1,1 +1,1 @@
-"""The grey box and what every fit of a plant shares: windows, free runs, likelihood, process noise."""
+"""Grey-box fits of a plant, and their parts: windows, free runs, the likelihood and process noise."""

@@ -1,7 +1,7 @@
-"""The gradient of a Kalman filter's likelihood by the noises, and by what its stretches begin with.
+"""The gradient of a Kalman filter's likelihood with respect to the noises and to the initial states of its stretches.
 
-Source: adjoint of a filter, Koopman and Shephard 1992, Biometrika 79, whose result for all rows this gives for any
-weights of the rows.
+Source: adjoint of a filter, Koopman and Shephard 1992, Biometrika 79, extended here from all rows to any weights of the
+rows.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from identification.fit.kalman import Pass, System, among, latest, own_states
 class Slopes:
     """The gradient of a weighted sum of scores.
 
-    noises: (C + 2 D,), by the logarithms of standard deviations of the channels and the accelerations, and of
-    correlation times.  means: (W, N), and covariances: (W, N, N), by those with which the stretches begin.
+    noises: (C + 2 D,), by the logarithms of the standard deviations of the channels and of the accelerations, and of
+    their correlation times.  means: (W, N), and covariances: (W, N, N), by the initial means and covariances of the
+    stretches.
     """
 
     noises: np.ndarray
@@ -30,7 +31,7 @@ class Slopes:
 def slopes_of(
     system: System, found: Pass, weights: np.ndarray, variances: np.ndarray, deviations: np.ndarray, times: np.ndarray
 ) -> Slopes:
-    """The gradient of the weighted sum of the scores of a pass, by its adjoint; by what it left out, zero."""
+    """The gradient of the weighted sum of the scores of a pass, by its adjoint; zero for the accelerations left out."""
     kept = deviations > 0.0
     s, own, count, size = latest(system, kept), own_states(system, kept), variances.size, found.means.shape[1]
     slopes = np.zeros(count + 2 * int(kept.sum()))
@@ -54,7 +55,7 @@ def _backward(
     rows, count, size = c.shape
     pushed = deviations.shape[0]
     solid = size - pushed
-    mean, covariance = np.zeros(size), np.zeros((size, size))  # slopes by what the next row begins with
+    mean, covariance = np.zeros(size), np.zeros((size, size))  # slopes by the mean and covariance before the next row
     before, product, known = np.zeros(size), np.zeros((size, size)), np.zeros((size, size))
     inverse, inner, across = np.zeros((count, count)), np.zeros((count, count)), np.zeros((count, size))
     weighted, reach = np.zeros((size, count)), np.zeros((count, size))
@@ -62,12 +63,12 @@ def _backward(
     keeps, gives, partner = np.zeros(pushed), np.zeros(pushed), np.arange(pushed) + solid
     stretch = mean_slopes.shape[0]
     for k in range(rows - 1, -1, -1):
-        # from the next row's beginning back to after this row's readings
+        # backwards over the time update, from before the next row's readings to after this row's
         ends = k + 1 == rows or begin[k + 1] == 1
         if k + 1 < rows and begin[k + 1] > 0:
             for d in range(pushed):
                 slopes[count + d] += covariance[solid + d, solid + d] * 2.0 * deviations[d] ** 2
-            for i in range(size):  # of what goes on, without its company
+            for i in range(size):  # constant states carry over, without their cross-covariances
                 goes_on = constant[i] and not ends
                 mean[i] = mean[i] if goes_on else 0.0
                 for j in range(size):
@@ -95,7 +96,7 @@ def _backward(
             for d in range(pushed):
                 i = solid + d
                 decay = np.exp(-durations[k] / times[d])
-                ratio = decay * durations[k] / times[d]  # of the decay, by the logarithm of the time
+                ratio = decay * durations[k] / times[d]  # slope of the decay by the logarithm of the time
                 if begin[k + 1] == 0:
                     slopes[count + d] += covariance[i, i] * 2.0 * deviations[d] ** 2 * (1.0 - decay * decay)
                     total = mean[i] * means[k, i]
@@ -130,7 +131,7 @@ def _backward(
                 if gives[d] != 0.0:
                     for j in range(size):
                         covariance[i, j] += gives[d] * product[partner[d], j]
-        # the readings
+        # backwards over the measurement update
         for m in range(count):
             scaled[m] = 0.0
             onto[m] = 0.0
@@ -164,8 +165,8 @@ def _backward(
                 inner[m, n] += 0.5 * weights[k] * (scaled[m] * scaled[n] - inverse[m, n])
             if finite[k, m]:
                 slopes[m] += inner[m, m] * 2.0 * (variances[m] / counts[k, m])
-        # G becomes L^T G L with L = I - K C, one side after the other: along an unstable vehicle the terms of both at
-        # once would be so large that only their rounding is left
+        # G becomes L^T G L with L = I - K C, one side after the other: for an unstable vehicle, the terms of both at
+        # once would be so large that only rounding error would be left
         for i in range(size):
             before[i], told[i] = mean[i], 0.0
             for j in range(size):
@@ -219,7 +220,7 @@ def _backward(
 
 @outlined
 def _of_turns(duration, times, turns, keeps, gives, partner, solid):
-    """What of each acceleration, (D,), is its own after a duration, s, and what that of its partner has given to it."""
+    """Write the share of each acceleration, (D,), kept after a duration, s, and the share passed to its partner."""
     for d in range(times.shape[0]):
         decay = np.exp(-duration / times[d])
         if turns[d] == 0.0:
@@ -233,7 +234,7 @@ def _of_turns(duration, times, turns, keeps, gives, partner, solid):
 
 @outlined
 def _known(root, covariance):
-    """root^T root into covariance."""
+    """Write root^T root into covariance."""
     size = root.shape[0]
     for i in range(size):
         for j in range(size):
@@ -248,7 +249,7 @@ def _known(root, covariance):
 
 @outlined
 def _updated(covariance, gain, c, reach):
-    """The covariance after a row's readings, P - K C P, in place; reach: work, (C, N)."""
+    """Update a covariance by a row's readings to P - K C P, in place; reach: work, (C, N)."""
     count, size = c.shape
     for m in range(count):
         for j in range(size):

@@ -14,12 +14,13 @@ from auv_gym.records.record import Record
 class Averages:
     """Rows of `stride` samples in stretches of a record, and the means of the readings in each.
 
-    A model's outputs are averaged over the same samples, so that a mean is off by nothing, whatever curves within a row
-    and however many of its readings are missing.  A channel that is read rarely keeps each reading, at its own time.
+    A model's outputs are averaged over the same samples, so that a mean has no bias, even if the signal curves within a
+    row or some of its readings are missing.  A rarely read channel keeps each reading, at its own time.
 
     stretches: cut to whole rows.  rows: (R,), the first sample of each.  samples: all of them.  values: (R, C) means,
-    NaN without a reading; counts: (R, C), readings in each, 1 without one.  shares: (n, C), of each sample in its row.
-    away: (R,), s, from the first sample of a row to the mean of their times.
+    NaN without a reading; counts: (R, C), readings in each, 1 without one.  shares: (n, C), weight of each sample in
+    its row.
+    away: (R,), s, from the first sample of a row to the mean of its times.
     """
 
     stride: int
@@ -35,7 +36,7 @@ class Averages:
     def of(
         cls, record: Record, names: Sequence[str], values: np.ndarray, stretches: Sequence[slice], stride: int
     ) -> Averages:
-        """The means of channels, whose values are (n, C); what lies between readings tells nothing new."""
+        """The means of channels, whose values are (n, C), over readings alone: values in between are no information."""
         whole = tuple(slice(w.start, w.start + (w.stop - w.start) // stride * stride) for w in stretches)
         samples = np.concatenate([np.arange(w.start, w.stop) for w in whole])
         held = np.isfinite(values)
@@ -51,5 +52,5 @@ class Averages:
             shares[samples] = (held[grouped] / counts[:, None]).reshape(len(samples), values.shape[1])
         time = record.time[grouped]
         away = time.mean(axis=1) - time[:, 0] if stride > 1 else np.zeros(len(grouped))
-        rows = np.ascontiguousarray(grouped[:, 0])  # another layout in memory would be compiled for itself
+        rows = np.ascontiguousarray(grouped[:, 0])  # another memory layout would trigger another compilation
         return cls(stride, whole, rows, samples, told, counts, shares, away)

@@ -1,4 +1,4 @@
-"""Values over the rows of windows as one block for each window, and the damped step that eliminates their starts."""
+"""Rows of windows arranged as one block for each window, and the damped step that eliminates the windows' starts."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 class Blocks:
-    """Rows of windows, one after the other, as blocks as long as the longest.
+    """Rows of consecutive windows, as blocks as long as the longest window.
 
     lengths: (W,), rows of each window.  channels: C, values in each row.
     """
@@ -35,7 +35,7 @@ class Blocks:
         """Per window: normal matrix of the starts (W, F, F), cross terms (W, F, P) and gradient (W, F).
 
         starts: (F, rows, C), slopes by the windows' starts.  flat: (P, rows, C), slopes by the parameters.
-        residual: (rows, C); None where no gradient is wanted.
+        residual: (rows, C); with None, the gradient is None.
         """
         own = self.of(starts)
         gram = own @ own.transpose(0, 2, 1)
@@ -46,7 +46,7 @@ class Blocks:
 
 
 def block_step(normal, gradient, gram, cross, start_gradient, damping):
-    """Damped Gauss-Newton step of the parameters (P,) and the starts (W, F), the starts eliminated."""
+    """Damped Gauss-Newton step of the parameters (P,) and the starts (W, F), with the starts eliminated."""
     gram = gram + damping * np.einsum("wff->wf", gram)[:, :, None] * np.eye(gram.shape[1])
     inner = np.asarray(np.linalg.solve(gram, np.concatenate([cross, start_gradient[:, :, None]], axis=2)))
     gain, offset = inner[..., :-1], inner[..., -1]

@@ -1,4 +1,4 @@
-"""A vehicle whose parameters change along a record: from a row on, up to a row, or more and more."""
+"""A vehicle whose parameters change along a record: from a row on, up to a row, or gradually."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from auv_gym.param import Spec, list_paths, part, positions, replace_at, spec_at
 from auv_gym.plant import Correction, Plant, Runs
 
 CHANGES = "changes"
-_SHARE = 0.1  # of a coefficient's value, the change in which a fit steps
+_SHARE = 0.1  # of a coefficient's value: the step size of a fit for its change
 
 
 @dataclass(frozen=True)
 class Course:
-    """The share of a change that acts at each row of a record: from each of the edges on another one, see `shares`.
+    """The share of a change that acts at each row of a record; piecewise constant, with a new value from each edge on.
 
-    name: when it acts, to follow the name of what changes.
+    shares: one before the first edge, and one from each edge on.  name: when the change acts, appended to the title of
+    the changed parameter.
     """
 
     edges: tuple[int, ...]
@@ -37,24 +38,25 @@ class Course:
         return np.array(self.shares)[np.searchsorted(self.edges, rows, side="right")]
 
     def of(self, whole: Course) -> Course:
-        """This course of what acts by another one itself."""
+        """The product with another course, for a change of a change that itself acts by that other course."""
         edges = sorted({*self.edges, *whole.edges})
         return Course(tuple(edges), tuple(self.at(row) * whole.at(row) for row in (-1, *edges)), whole.name)
 
 
 @dataclass(frozen=True)
 class ChangingPlant(Plant):
-    """A plant that has one more parameter for each form in which one of its parameters may change.
+    """A plant with one more parameter for each form in which one of its parameters may change.
 
-    Their paths are `changes.FORM.PATH`; zero is no change.  What changes may be a change itself, in a form of its own.
-    courses: of the forms, by name.  What has changed stays within the bounds of the parameter.
+    Their paths are `changes.FORM.PATH`; zero is no change.  The changed parameter may itself be a change, in a form of
+    its own.
+    courses: of the forms, by name.  The changed value stays within the bounds of the parameter.
     """
 
     courses: Mapping[str, Course] = field(default_factory=dict, hash=False)
 
     @classmethod
     def of(cls, plant: Plant, paths: Mapping[str, Sequence[str]], courses: Mapping[str, Course]) -> ChangingPlant:
-        """The plant with changes of these paths, by form; those that it has already stay."""
+        """The plant with changes of these paths, by form, in addition to those that it has."""
         specs = {
             f"{form}.{path}": _spec(plant, path, courses[form].name) for form, own in paths.items() for path in own
         }
@@ -94,7 +96,7 @@ class ChangingPlant(Plant):
 
     @cached_property
     def derived(self) -> np.ndarray:
-        """What follows from the parameters at the first row."""
+        """The quantities derived from the parameters at the first row."""
         return self.at_row(0).derived
 
     def pieces(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -112,7 +114,7 @@ class ChangingPlant(Plant):
         after: Any = None,
         earlier: Sequence[tuple[int, np.ndarray]] = (),
     ) -> None:
-        """The runs in pieces between the edges, each from where the one before has ended."""
+        """Run in pieces between the edges, each from the final state of the one before."""
         edges = [0, *self._layout.edges(vectors), np.iinfo(np.int64).max]
         if len(edges) == 2:
             super()._run(runs, self._layout.acting(vectors, 0), starts, c, y, after, earlier)
@@ -122,10 +124,10 @@ class ChangingPlant(Plant):
         constant = np.flatnonzero(c.constant)
         size = max(len(self.family.states) + len(self.family.sensors), starts.shape[2])
         reached = np.empty((len(vectors), runs.rows, size)) if after is None or not after.shape[0] else after
-        moved = list(earlier)  # actuators go on from where they were, too
+        moved = list(earlier)  # actuators, too, continue from their last positions
         for first, last in pairwise(edges):
             acting = self._layout.acting(vectors, first)
-            # a row of several samples is whole: what changes within it acts from the next one on
+            # a row of several samples is not divided: a change within it acts from the next row on
             begin, stop = (
                 runs.begin + runs.stride * np.clip(-((runs.begin - edge) // runs.stride), 0, rows_of)
                 for edge in (first, last)
@@ -134,13 +136,13 @@ class ChangingPlant(Plant):
             if not own.size:
                 moved.append((last, acting))
                 continue
-            at = offsets[own] + (begin - runs.begin)[own] // runs.stride  # of the first row of each piece
+            at = offsets[own] + (begin - runs.begin)[own] // runs.stride  # index of the first row of each piece
             lengths = (stop - begin)[own] // runs.stride
             rows = np.repeat(at - np.r_[0, np.cumsum(lengths)[:-1]], lengths) + np.arange(lengths.sum())
             begun = np.array(np.broadcast_to(starts[:, own], (len(vectors), own.size, starts.shape[2])))
             carried, goes_on = c.carried[own], begin[own] > runs.begin[own]
             begun[:, goes_on] = reached[:, at[goes_on] - 1, : starts.shape[2]]
-            if carried[0] and not goes_on[0]:  # what a stretch takes over from the last one, of the piece before
+            if carried[0] and not goes_on[0]:  # states carried over from the stretch before, in the piece before
                 begun[:, 0, constant] = reached[:, at[0] - 1][:, constant]
             carried = carried & ~goes_on
             carried[0] = False
@@ -160,10 +162,10 @@ class ChangingPlant(Plant):
 
 @dataclass(frozen=True, eq=False)
 class _Layout:
-    """Where changes act.
+    """Which parameters change, and when.
 
-    first: number of the first change in the vector.  index: (K,), of the parameter that each changes, by number;
-    changed: their paths.  low, high: (K,), their bounds.  courses: of each.
+    first: position of the first change in the vector.  index: (K,), position of the parameter that each one changes;
+    changed: their paths.  low, high: (K,), their bounds.  courses: one for each.
     """
 
     first: int
@@ -188,12 +190,12 @@ class _Layout:
         )
 
     def edges(self, vectors: np.ndarray) -> list[int]:
-        """The rows from which on any of some vectors acts otherwise than before."""
+        """The rows at which any change that is not zero in some of the vectors sets in or changes its share."""
         moved = (vectors[:, self.first : self.first + self.index.size] != 0.0).any(axis=0)
         return sorted({edge for k in np.flatnonzero(moved) for edge in self.courses[k].edges})
 
     def acting(self, vectors: np.ndarray, row: int) -> np.ndarray:
-        """Parameters at a row as the compiled functions take them, of vectors with changes, (S, n)."""
+        """Parameters for the compiled functions that act at a row, (S, n), from vectors with changes."""
         own = slice(self.first, self.first + self.index.size)
         found, sizes = np.delete(vectors, own, axis=1), vectors[:, own]
         moved = np.flatnonzero((sizes != 0.0).any(axis=0))
@@ -205,7 +207,7 @@ class _Layout:
 
 
 def changed(path: str) -> tuple[str, str]:
-    """The form and the parameter of a change's path; no form where the path is that of no change."""
+    """The form and the parameter of a change's path; the form is empty for a path that is not a change."""
     head, _, rest = path.partition(".")
     if head != CHANGES:
         return "", path
@@ -219,18 +221,18 @@ def change(form: str, path: str) -> str:
 
 
 def named_when(title: str, when: str) -> str:
-    """A title with when it acts, before what it has in brackets or behind a comma."""
+    """A title with the words for when it acts, inserted before any brackets or comma."""
     name = plain(title)
     return f"{name} {when}".rstrip() + title.removeprefix(name)
 
 
 def plain(title: str) -> str:
-    """A title without what it has in brackets or behind a comma."""
+    """A title without its part in brackets or after a comma."""
     return title.partition(" (")[0].partition(",")[0]
 
 
 def _resolved(plant: ChangingPlant, path: str) -> tuple[Course, str]:
-    """The course of a change, and the parameter that it changes."""
+    """The course of a change, and the parameter that it finally changes."""
     form, own = changed(path)
     course = plant.courses[form]
     if not changed(own)[0]:
@@ -240,9 +242,10 @@ def _resolved(plant: ChangingPlant, path: str) -> tuple[Course, str]:
 
 
 def _spec(plant: Plant, path: str, when: str) -> Spec:
-    """What is known of a change: it may take the parameter from one bound to the other.
+    """The specification of a change: it may take the parameter from one bound to the other.
 
-    One with a name for when it acts is an effect of its own, and takes the parameter from its value to either bound.
+    A change with a name for when it acts is an effect of its own, and takes the parameter from its value to either
+    bound.
     """
     spec, value = spec_at(plant, path), value_at(plant, path)
     low, high = spec.bounds
@@ -252,7 +255,7 @@ def _spec(plant: Plant, path: str, when: str) -> Spec:
 
 
 def _group(name: str, specs: Mapping[str, Spec]) -> type:
-    """A class of nested groups of parameters, by their paths."""
+    """A class of nested groups of parameters, from their paths."""
     own: list[tuple[str, Any, Any]] = []
     for head in dict.fromkeys(path.partition(".")[0] for path in specs):
         inner = {path.partition(".")[2]: spec for path, spec in specs.items() if path.startswith(f"{head}.")}

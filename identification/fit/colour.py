@@ -1,4 +1,4 @@
-"""The colour of free-run residuals, and residuals without it: by this, experiments are planned."""
+"""The autocorrelation of free-run residuals, and its removal, for planning experiments."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from identification.fit.shooting import Point, Shooting
 def colour(problem: Shooting, point: Point) -> np.ndarray:
     """First-order autocorrelation of each channel's residual within the windows, shape (C,), 0 where it is white.
 
-    A fit of F states per window of n samples takes about F (1 + 2 phi) / n from the estimate (Marriott and Pope 1954,
-    for a mean and a trend); that is put back. Coefficients within 2 standard errors of white count as white.
+    A fit of F states per window of n samples lowers the estimate by about F (1 + 2 phi) / n (Marriott and Pope 1954,
+    for a mean and a trend); this bias is corrected.  Coefficients within 2 standard errors of white count as white.
     """
     coefficients = []
     same = problem.window_of_row[1:] == problem.window_of_row[:-1]
@@ -27,7 +27,7 @@ def colour(problem: Shooting, point: Point) -> np.ndarray:
 
 
 def whitened(problem: Shooting, values: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-    """Values (..., rows, C) as innovations of a first-order process in each window; unchanged where coefficients are 0.
+    """Values (..., rows, C) as innovations of a first-order process in each window; unchanged if coefficients are 0.
 
     Source: Prais and Winsten 1954, with the first sample of a window scaled by sqrt(1 - phi^2).
     """

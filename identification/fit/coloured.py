@@ -1,4 +1,4 @@
-"""Which channels have prediction errors that are surely not white."""
+"""The channels whose prediction errors are clearly not white."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from identification.fit.validation import whiteness
 
 
 def coloured_channels(problem: PredictionErrors, point: Point) -> tuple[str, ...]:
-    """The channels whose errors are surely not white."""
+    """The channels whose errors are clearly not white, see `is_coloured`."""
     basis, level = problem.start_basis(point), LEFT / len(problem.channels)
     fitted = basis.reshape(*point.errors.shape, basis.shape[1])
     found = []
@@ -22,9 +22,9 @@ def coloured_channels(problem: PredictionErrors, point: Point) -> tuple[str, ...
 
 
 def is_coloured(error: np.ndarray, stretch: np.ndarray, fitted: np.ndarray, level: float) -> bool:
-    """Whether errors are surely not white, and their colour would predict more than `EXCESS` of them.
+    """Whether errors are clearly not white, and their correlation would predict more than `EXCESS` of their variance.
 
-    fitted: (n, q), orthonormal columns of what was fitted.  level: probability of a yes where there is no colour.
+    fitted: (n, q), orthonormal columns of what was fitted.  level: probability of a false alarm on white errors.
     """
     white = whiteness(error, stretch, fitted=fitted)
     return white.p_value < level and float((white.correlation**2).sum()) > EXCESS

@@ -1,4 +1,4 @@
-"""Slopes of the predictions: what a filter's gains make of a vehicle's responses to parameters (`responses.py`)."""
+"""Slopes of the predictions by parameters: a vehicle's responses (`responses.py`) passed through a filter's gains."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from identification.fit.responses import Responses
 def driven_slopes(
     system: System, gains: np.ndarray, whiten: np.ndarray, times: np.ndarray, responses: Responses
 ) -> np.ndarray:
-    """Slopes of the scaled predictions by parameters, the gains held, (P, rows, C), in the linearised filter.
+    """Slopes of the scaled predictions by parameters, with the gains held, (P, rows, C), in the linearised filter.
 
-    gains: (rows, N, C) and whiten: (rows, C, C), as of a pass.  times: (D,), correlation times of accelerations, s.
+    gains: (rows, N, C) and whiten: (rows, C, C), as in a pass.  times: (D,), correlation times of accelerations, s.
     """
     s, rows, count = system, *system.c.shape[:2]
     slopes = np.zeros((rows, count, len(responses.paths)))
@@ -28,7 +28,7 @@ def driven_slopes(
 
 @compiled
 def _add_product(sums, sign, matrix, rows):
-    """sums += sign matrix rows, of (M, P), (M, N) and (N, P); most of a matrix of this kind is zero."""
+    """Add sign * matrix @ rows to sums; (M, P), (M, N) and (N, P); zeros of the matrix, which are many, are skipped."""
     for m in range(matrix.shape[0]):
         for n in range(matrix.shape[1]):
             factor = sign * matrix[m, n]
@@ -39,7 +39,7 @@ def _add_product(sums, sign, matrix, rows):
 
 @outlined
 def _driven(a, c, begin, constant, decays, angles, gains, whiten, onward, seen, slopes):
-    """See `driven_slopes`.  decays, angles: (rows, D); slopes: (rows, C, P).  All parameters side by side."""
+    """The loop of `driven_slopes`, for all parameters at once.  decays, angles: (rows, D); slopes: (rows, C, P)."""
     rows, count, size = c.shape
     solid, number = onward.shape[1], onward.shape[2]
     moved, after, change = np.zeros((size, number)), np.zeros((solid, number)), np.zeros((count, number))

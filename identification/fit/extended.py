@@ -1,7 +1,7 @@
-"""The extended Kalman filter of a vehicle: linearised row by row where the filter is.
+"""The extended Kalman filter of a vehicle, linearised row by row along the filter's own path.
 
-The gains of a row depend on the path up to it, the path beyond on these gains; so the vehicle is linearised as the
-filter goes on, in one compiled call.  Source: Jazwinski 1970, sec. 8.3.
+The gains of a row depend on the path up to it, and the path beyond depends on these gains; so the vehicle is linearised
+while the filter runs, in one compiled call.  Source: Jazwinski 1970, sec. 8.3.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from auv_gym.physics.pushes import fade, misreads
 from auv_gym.plant import Plant
 from identification.fit.kalman import read_row, to_next_row
 
-# Open in the template: the family's programs, and how many numbers it has of each kind.
+# Bound for each family: its programs, and how many numbers it has of each kind.
 along: Any = OPEN
 move_actuators: Any = OPEN
 derive: Any = OPEN
-STATES = SENSORS = ACTUATORS = OUTPUTS = DERIVED = 0  # DERIVED: of what follows from parameters, these not counted
+STATES = SENSORS = ACTUATORS = OUTPUTS = DERIVED = 0  # DERIVED: derived quantities, without the parameters themselves
 
 
 @compiled
 def nudge(state, moved, probes, tried):
-    """A state and, for each that is moved, (m,), the state with that moved by its probe, into tried, (m + 1, F)."""
+    """Write the state, and the state with each moved entry, (m,), changed by its probe, into tried, (m + 1, F)."""
     for j in range(tried.shape[0]):
         for i in range(tried.shape[1]):
             tried[j, i] = state[i]
@@ -38,19 +38,19 @@ def filtered(
     starts, roots, measured, finite, counts, columns, moved, probes, ways, pushed, kicks, durations, decays,
     variances, deviations, correlation, path, a, c, y, after,
 ):  # fmt: skip
-    """The filter of a vehicle through the stretches of a record, of which are kept its path and the slopes along it.
+    """Filter the stretches of a record, and write the path and the slopes along it.
 
-    vectors: (E + 1, n_parameters), of which each acts up to one of the rows `until`, (E,).
-    begin to shares, starts: see `auv_gym.plant.rollout.rollout`; starts (W, F), F = STATES + SENSORS + D.
-    roots: (W, n, n), transposed, of the covariances of the live states (n,) with which stretches begin.
+    vectors: (E + 1, n_parameters), each acting up to one of the rows `until`, (E,).  begin to shares, starts: see
+    `auv_gym.plant.rollout.rollout`; starts (W, F), F = STATES + SENSORS + D.  roots: (W, n, n), transposed, of the
+    initial covariances of the live states (n,).
     measured: (rows, C), finite, counts: see `identification.fit.kalman.System`; columns: (C,), among the outputs.
-    moved: the live states, (n,), and with a stride of several samples the first acceleration of each way to push after
-    them, (n + K,); probes: by which they are moved.  ways: (D,), the way of each, or -1.
-    pushed: (D,), the live states that accelerations push, see `kicks`.
+    moved: the live states, (n,), with a stride of several samples followed by the first acceleration of each way to
+    push, (n + K,); probes: their changes.  ways: (D,), the way of each, or -1.  pushed: (D,), the pushed live states,
+    see `kicks`.
     decays: (rows, D).  variances: (C,); deviations, correlation: (D,), of the accelerations, s.
-    path: (rows, F), where the slopes are taken: the filtered states, or with a stride of several samples those before a
-    row's readings, which are known when it ends.  a: (rows, n, n) and c: (rows, C, n), slopes of the next row's live
-    states and of the row's outputs; y: (rows, C) and after: (rows, F), from the path itself.
+    path: (rows, F), where the slopes are taken: the filtered states, or with a stride of several samples the states
+    before a row's readings, which are complete only when it ends.  a: (rows, n, n) and c: (rows, C, n), slopes of the
+    next row's live states and of the row's outputs; y: (rows, C) and after: (rows, F), from the path itself.
     """
     n, size, count, pushes = times.shape[0], a.shape[1], columns.shape[0], kicks.shape[0]
     live, many = moved[:size], moved.shape[0] + 1
@@ -100,7 +100,7 @@ def filtered(
                 error[m] = measured[row, m] - seen[0, columns[m]] if finite[row, m] else 0.0
                 for j in range(size):
                     slopes[m, j] = (seen[j + 1, columns[m]] - seen[0, columns[m]]) / probes[j]
-                for d in range(pushes):  # an acceleration does nothing to a single reading
+                for d in range(pushes):  # an acceleration does not change a single reading
                     j = size + ways[d]
                     if misreads(kicks[d]) >= 0:
                         slopes[m, size + d] = 1.0 if misreads(kicks[d]) == columns[m] else 0.0
@@ -151,7 +151,7 @@ def filtered(
             for d in range(pushes):
                 state[STATES + SENSORS + d] += mean[size + d]
             fade(state[STATES + SENSORS :], decays[row], kicks, durations[row])
-            for j in range(size):  # a sensor without a lag has no state that lasts
+            for j in range(size):  # the state of a sensor without a lag does not persist
                 if live[j] >= STATES and abs(onward[j, j] - 1.0) < 1e-9:
                     for i in range(size):
                         onward[j, i] = 0.0
@@ -166,7 +166,7 @@ _BOUND: dict[str, Any] = {}
 
 
 def program_of(plant: Plant) -> Any:
-    """The filter of a family, see `filtered`; compiled when first called."""
+    """The compiled filter of a family, see `filtered`; compiled when first called."""
     family, programs = plant.family, plant.programs
     name = family.program or family.kind
     if name not in _BOUND:

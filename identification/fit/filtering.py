@@ -12,30 +12,30 @@ from identification.fit.followed import Point
 from identification.fit.kalman import Pass, System, run_filter
 from identification.fit.sensitivities import Sensitivities
 
-_SAME = 0.05  # of the log-likelihood: starts that bring less leave the path as it is
-_PASSES = 4  # of the filter, each from starts that the one before has fitted
-_LOOSE = 0.3  # deviations of a stretch's likeliest start that the filter lets it be off by
-_LEAST_LEFT = 1e-10  # of a start's variance, of what a record leaves: less is rounding
-_TOO_FAR = 1e100  # information on a start, over what its spread tells, whose square is no number to reckon with
-_OTHER_NOISE = 0.7  # of its logarithm: noises that differ more tell of starts with another precision
+_SAME = 0.05  # of the log-likelihood: starts that gain less leave the path as it is
+_PASSES = 4  # of the filter, each from the starts fitted by the one before
+_LOOSE = 0.3  # initial deviations of the filter, over those of the likeliest start of a stretch
+_LEAST_LEFT = 1e-10  # least posterior share of a start's variance: less is rounding error
+_TOO_FAR = 1e100  # information on a start, relative to its prior, whose square would overflow
+_OTHER_NOISE = 0.7  # change of a noise's logarithm beyond which the precision of the starts is computed anew
 
 
 def _other_precision(near: Point, logs: np.ndarray) -> bool:
-    """Whether noises are so far from a point's that they tell of a start with another precision."""
+    """Whether noises are so far from a point's that the precision of the starts differs."""
     return bool(np.abs(logs - near.logs).max(initial=0.0) > _OTHER_NOISE)
 
 
 class Filter(Sensitivities):
-    """The filter of a plant through the stretches of a record, linearised about its own path."""
+    """The filter of a plant over the stretches of a record, linearised about its own path."""
 
     def _fixed(self, stretch: int) -> np.ndarray:
-        """Which live states do not begin anew in a stretch."""
+        """Which live states carry over into a stretch from the one before."""
         states = len(self._shared)
         return np.array([bool(self.carried[stretch]) and i < states and bool(self._shared[i]) for i in self.live])
 
     @cached_property
     def _widest(self) -> np.ndarray:
-        """Roots of the starts' covariances of which nothing is known but how the states vary over the record."""
+        """Square roots of the widest covariances of the starts, from the spread of the states over the record."""
         return np.array(
             [np.diag(np.where(self._fixed(w), 0.0, self.spread[self.live])) for w in range(len(self.stretches))]
         )
@@ -43,10 +43,10 @@ class Filter(Sensitivities):
     def _better_starts(
         self, system: System, made: Pass, logs: np.ndarray, starts: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The likeliest starts, and roots of `_LOOSE` times their deviations.
+        """The likeliest starts, and roots of their covariances with `_LOOSE` times their deviations.
 
-        A filter that begins so keeps near its linearisation.  How wide it begins does not matter: in a linear system
-        its likelihood is that of the likeliest start but for a constant, whatever the model.
+        A filter that starts there stays near its linearisation.  The initial width does not matter: in a linear system,
+        the filter's likelihood differs from that of the likeliest start only by a constant, whatever the model.
         """
         telling = self._telling
         slopes = slopes_of(system, made, telling, *self._numbers(logs))
@@ -58,11 +58,11 @@ class Filter(Sensitivities):
             r = slopes.means[w, :solid][free] * units
             with np.errstate(over="ignore", invalid="ignore"):
                 n = np.outer(r, r) - 2.0 * slopes.covariances[w, :solid, :solid][own] * np.outer(units, units)
-            if not np.abs(n).max() < _TOO_FAR:  # of a run so far off that its likelihood has no slope, or none to use
+            if not np.abs(n).max() < _TOO_FAR:  # the run is so far off that its likelihood has no usable slope
                 roots[w] = system.start[w]
                 continue
             root = system.start[w][:, free] / units
-            # the covariance R'R becomes R'(I - R N R')R; what that adds to its inverse is the data's information
+            # the covariance R'R becomes R'(I - R N R')R; the increase of its inverse is the information of the data
             values, vectors = np.linalg.eigh(np.eye(len(root)) - root @ n @ root.T)
             cross = (vectors / np.sqrt(np.clip(values, _LEAST_LEFT, 1.0))).T @ root @ n
             values, vectors = np.linalg.eigh(0.5 * (n + n.T) + cross.T @ cross)
@@ -70,7 +70,7 @@ class Filter(Sensitivities):
             data, before = (vectors * values) @ vectors.T, root.T @ root
             told = r + data @ (before @ r)
             away = (self.starts[w][self.live][free] - starts[w][self.live][free]) / units
-            inverse = (vectors / (values + 1.0)) @ vectors.T  # of data + I, however much the data tell
+            inverse = (vectors / (values + 1.0)) @ vectors.T  # of data + I, whatever the size of data
             step = inverse @ (told + away)
             starts[w, self.live[free]] += step * units
             half = vectors * np.minimum(_LOOSE / np.sqrt(values + 1.0), 1.0)
@@ -79,9 +79,9 @@ class Filter(Sensitivities):
 
     @property
     def _telling(self) -> np.ndarray:
-        """1 for the rows that tell where their stretch begins, (rows,): those before the first that counts otherwise.
+        """1 for the rows that inform on the start of their stretch, (rows,): those up to the first change of `counted`.
 
-        Likelihoods of rows given those between, which do not count, tell of a start what these leave.
+        Later counted rows are conditioned on the uncounted rows between, and add little information on the start.
         """
         turns = np.diff(self.counted, prepend=self.counted[0]) != 0.0
         turns[self.offsets] = False
@@ -89,9 +89,9 @@ class Filter(Sensitivities):
         return (turned == turned[self.offsets][self.stretch_of_row]).astype(float)
 
     def point(self, vector: np.ndarray, logs: np.ndarray, near: Point | None = None) -> Point:
-        """The filter with parameters and noises, linearised along its own path.
+        """The filter with these parameters and noises, linearised along its own path.
 
-        near: a point from whose starts it begins.
+        near: a point whose starts are the first guess.
         """
         if near is None:
             first = self._system(vector, self.first_path, self.starts, self._widest)
@@ -108,7 +108,7 @@ class Filter(Sensitivities):
             found, gained = self._filtered(vector, logs, system, starts, roots, anew=False, renewed=renewed)
             total = self.total(found)
             best, highest = (found, total) if total > highest else (best, highest)
-            if gained < _SAME:  # the path is that of the starts
+            if gained < _SAME:  # the path belongs to these starts
                 break
             starts, roots, renewed = found.starts, found.roots, False
         return best or self._nowhere(vector, logs)
@@ -124,11 +124,9 @@ class Filter(Sensitivities):
         anew: bool,
         renewed: bool,
     ) -> tuple[Point, float]:
-        """The filter of a linearised vehicle, and the vehicle run with its gains from the likeliest starts.
+        """The filtered point for a linearised vehicle, from the likeliest starts, and the log-likelihood gained.
 
-        And by how much these are likelier than those that the run began with.
-
-        anew: whether the starts may be far from likely.  renewed: whether how well they are known may have changed.
+        anew: whether the starts may be far from likely.  renewed: whether their precision may have changed.
         """
         if not (np.isfinite(system.a).all() and np.isfinite(system.error).all()):
             return self._nowhere(vector, logs), 0.0
@@ -151,7 +149,7 @@ class Filter(Sensitivities):
         return replace(there, system=system), self.total(there) - self.total(found)
 
     def _nowhere(self, vector: np.ndarray, logs: np.ndarray) -> Point:
-        """What is left of a filter that runs away: as unlikely as can be."""
+        """The point of a filter that diverges, with a likelihood of zero."""
         (rows, count), size = self.finite.shape, len(self._moving)
         none, unlikely = np.zeros((rows, count)), np.full(rows, -np.inf)
         gains, whiten = np.zeros((rows, size, count)), np.zeros((rows, count, count))

@@ -1,4 +1,4 @@
-"""What a record says of the states in which its windows begin."""
+"""First guesses, from a record's readings, of the states in which its windows begin."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from auv_gym.records.attitude import ANGLES
 from auv_gym.records.record import Record
 
 RATES = {"r_radps": "heading_rad", "q_radps": "pitch_rad", "p_radps": "roll_rad", "depth_rate_mps": "depth_m"}
-LINE, LEAST_LINE = 0.6, 6  # s and samples at a window's start through which a line gives the first guess
-RATE_SAMPLES = 4  # at a window's start, from which a rate is guessed
-_RATE_SHARE = 0.3  # of what an angle is off after a sample, that makes up for its rate: some samples of memory
+LINE, LEAST_LINE = 0.6, 6  # s and samples at a window's start; a line through them gives the first guess
+RATE_SAMPLES = 4  # samples at a window's start from which a rate is guessed
+_RATE_SHARE = 0.3  # of an angle's error after a sample, added to its rate: a memory of some samples
 
 
 class Windows(Protocol):
-    """Windows of a record and the readings in them: logged, signals and finite, (rows, C), of these channels.
+    """Windows of a record with their readings: logged, signals and finite, (rows, C), of these channels.
 
     See `identification.fit.shooting.Shooting`.
     """
@@ -40,8 +40,8 @@ class Windows(Protocol):
 def first_readings(problem: Windows) -> np.ndarray:
     """States at the starts of a problem's windows, shape (W, n_states).
 
-    Measured where they are measured; rates of measured signals from their first samples; else zero.  In a chart, rates
-    about the body axes follow from the turns between attitudes, and attitudes are those that the chart has.
+    Measured states are read off, rates of measured signals come from their first samples, and the rest are zero.  In a
+    chart, rates about the body axes follow from the rotations between attitudes, and attitudes are those of the chart.
     """
     family, chart = problem.plant.family, problem.chart
     starts = np.zeros((len(problem.windows), len(family.states)))
@@ -74,10 +74,10 @@ def first_readings(problem: Windows) -> np.ndarray:
 
 
 def driven_states(plant: Plant, record: Record, chart: Chart, channels: Collection[str]) -> dict[str, np.ndarray]:
-    """Along a record, (n,) by name, the `Family.driven` states that none of these channels tells.
+    """The `Family.driven` states that none of these channels measures, along a record, (n,) by name.
 
-    Those of the vehicle's model under the logged commands, from rest where a segment begins, while all that is measured
-    is set to its readings: a model that is not quite right, run free for so long, would soon point elsewhere.
+    They come from the vehicle's model under the logged commands, from rest where a segment begins, with all measured
+    states set to their readings: a slightly wrong model in such a long free run would soon point elsewhere.
     """
     family = plant.family
     found = [name for name in family.states if name in family.driven & family.resting(channels)]
@@ -99,13 +99,13 @@ def driven_states(plant: Plant, record: Record, chart: Chart, channels: Collecti
     begun = np.array([plant.initial(y)[:count] for y in outputs_of(plant, record)[runs.begin]])
     first[:, :count] = chart.seen(begun, runs.begin)
     after = plant.follow_many(runs, plant.vector[None], first[None], correction, True)[1][0]
-    after[runs.stop - 1] = 0.0  # what a segment ends with is not what the next one begins with
+    after[runs.stop - 1] = 0.0  # a segment does not begin with the last state of the one before
     moved = np.roll(np.where(np.isfinite(after), after, 0.0), 1, axis=0)
     return {name: moved[:, family.states.index(name)] for name in found}
 
 
 def _line(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Slope of a straight line through values, by least squares, and its value at t = 0."""
+    """Slope of a least-squares straight line through values, and its value at t = 0."""
     middle, mean = float(t.mean()), float(y.mean())
     power = float((t - middle) @ (t - middle))
     slope = float((t - middle) @ (y - mean)) / power if power > 0.0 else 0.0

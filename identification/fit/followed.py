@@ -16,12 +16,13 @@ from identification.fit.linearised import Linearised
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """Parameters and noises, and the filter with them.
+    """Parameters and noises, and the filter's results for them.
 
     vector: (n_parameters,).  logs: (C + 2 D,), logarithms of the noises.  errors: (rows, C), one-step errors over their
-    deviations.  scores: (rows,), log-likelihood of each row.  path: (rows, F), filtered states; of
-    averaged rows those before their readings.  gains: (rows, N, C), of the live states and accelerations.
-    starts: (W, F), the likeliest states where stretches begin; roots: (W, n, n), how far the filter lets them be off.
+    deviations.  scores: (rows,), log-likelihood of each row.  path: (rows, F), filtered states; for averaged rows, the
+    states before the readings.  gains: (rows, N, C), of the live states and accelerations.
+    starts: (W, F), the likeliest states where stretches begin; roots: (W, n, n), square roots of the filter's initial
+    covariances, transposed.
     """
 
     vector: np.ndarray
@@ -38,12 +39,12 @@ class Point:
 
 
 class Followed(Linearised):
-    """A plant that follows a record by the gains of a filter, and how likely the record is then."""
+    """A plant that follows a record by the gains of a filter, and the likelihood of the record."""
 
     def _numbers(self, logs: np.ndarray, every: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Variances of channels, deviations and correlation times of accelerations; see `run_filter`.
 
-        every: those accelerations, too, that are hardly there, which a filter does without.
+        every: include negligible accelerations, which a filter otherwise leaves out.
         """
         count, pushed = len(self.channels), len(self.pushed)
         deviations = np.exp(logs[count : count + pushed][self.leads]) * (self._there(logs) | every)
@@ -58,7 +59,7 @@ class Followed(Linearised):
         whiten: np.ndarray,
         system: System,
     ) -> Point:
-        """The vehicle itself run with the gains of a filter."""
+        """The nonlinear vehicle run with the gains of a filter."""
         y, after = self._follow(vector[None], starts, gains, logs, system, True)
         innovations = np.where(self.finite, self.measured - y[0], 0.0)
         before = np.empty_like(after[0])
@@ -92,17 +93,17 @@ class Followed(Linearised):
         corrected = (self.every, gains, self._moving, self.columns)
         correction = Correction(*corrected, self.kicks, decays, self.carried, self._shared)
         y, after = self.plant.follow_many(self.runs, vectors, starts, correction, keep)
-        every = len(self.columns) == len(self.plant.outputs)  # channels are in the order of outputs
+        every = len(self.columns) == len(self.plant.outputs)  # channels have the order of outputs
         return y if every else y[:, :, self.columns], after
 
     def _late(self, gains: np.ndarray, decays: np.ndarray, moves: np.ndarray | None) -> np.ndarray:
-        """Gains that correct at the end of a row what those of the filter correct where it begins, (rows, N, C)."""
+        """Gains, (rows, N, C), that apply at the end of a row the correction of the filter's gains at its start."""
         assert moves is not None
         pushes = self._turned(decays[:, :, None] * gains[:, len(self.live) :])
         return np.concatenate([moves @ gains, pushes], axis=1)
 
     def _turned(self, pushes: np.ndarray) -> np.ndarray:
-        """What turns of a swell make of accelerations in a row, (rows, D, C), when the next one begins."""
+        """Rotate the accelerations of a swell, (rows, D, C), from the start of a row to the start of the next one."""
         found = pushes.copy()
         for d in np.flatnonzero(self.kicks[:, 3]):
             angle = self.kicks[d, 3] * self.durations[:, None]
@@ -123,40 +124,40 @@ class Followed(Linearised):
         return total if np.isfinite(total) else -np.inf
 
     def likelihood(self, point: Point, paths: Sequence[str]) -> float:
-        """The same with what is known of the paths beforehand, and of correlation times."""
+        """The log-likelihood of the counted rows plus the log-priors of the paths and of the correlation times."""
         known = 0.5 * float((self.pulls(point.vector, paths)[0] ** 2).sum())
         return self.total(point) - known + self._prior(point.logs)[0]
 
     def objective(self, point: Point, paths: Sequence[str]) -> float:
-        """What a fit makes greatest: the same, less what accelerations must be worth to be there."""
+        """The objective of a fit: `likelihood` minus the cost of the accelerations that are present."""
         return self.likelihood(point, paths) - self._cost(point.logs)
 
     def is_pushed(self, point: Point) -> bool:
-        """Whether random accelerations have any part in a point."""
+        """Whether any random acceleration is present at a point."""
         return bool(self._there(point.logs).any())
 
     def pushes(self, point: Point) -> np.ndarray:
-        """Which of the accelerations have a part in a point, those of a swell apart, (D,)."""
+        """Which accelerations are present at a point, without those of a swell, (D,)."""
         return self._there(point.logs) & ~self.swells
 
     def swelling(self, point: Point) -> np.ndarray:
-        """Which accelerations of a swell have a part in a point, (D,)."""
+        """Which accelerations of a swell are present at a point, (D,)."""
         return self._there(point.logs) & self.swells
 
     def _cost(self, logs: np.ndarray) -> float:
-        """What accelerations must be worth to be there, of the log-likelihood."""
+        """The log-likelihood that accelerations must gain to be kept."""
         return COST * float(self._there(logs)[self._leading].sum())
 
     def _there(self, logs: np.ndarray, least: float = 10.0 * LEAST_PROCESS) -> np.ndarray:
-        """Which accelerations are more than the least, in their units, (D,)."""
+        """Which accelerations exceed the least strength, in their units, (D,)."""
         first, pushed = len(self.channels), len(self.pushed)
         return np.exp(logs[first : first + pushed][self.leads]) > least * np.array(self.unit)
 
     def _prior(self, logs: np.ndarray) -> tuple[float, np.ndarray]:
-        """Log-density of correlation times, which a vehicle's time scales bound, less what starts take up; its slope.
+        """Log-prior of correlation times, given a vehicle's time scales, corrected for fitted starts, and its slope.
 
-        Starts are fitted, so that the first readings of a stretch are met exactly, and would be the likelier the more
-        exact readings are taken to be: in a record of many short stretches, without any noise (Neyman and Scott 1948).
+        Fitted starts meet the first readings of a stretch exactly.  Uncorrected, the likelihood would grow as the noise
+        of the readings shrinks, down to no noise in a record of many short stretches (Neyman and Scott 1948).
         """
         slope, channels, pushed = np.zeros(logs.size), len(self.channels), len(self.pushed)
         slope[:channels] = self._taken_up
@@ -170,13 +171,13 @@ class Followed(Linearised):
 
     @cached_property
     def _taken_up(self) -> np.ndarray:
-        """How many readings of each channel, (C,), go into the starts of stretches: one a state, of the first row."""
+        """Number of readings of each channel, (C,), used up by starts of stretches: one a state, in the first row."""
         first = self.finite[self.offsets[~self.carried]]
         states = int((self.live < len(self.plant.family.states)).sum())
         return (first * np.minimum(states / np.maximum(first.sum(axis=1, keepdims=True), 1), 1.0)).sum(axis=0)
 
     def counted_flat(self, columns: np.ndarray) -> np.ndarray:
-        """Columns, (P, rows, C), flat, (P, rows * C), zero in the rows that do not count."""
+        """Columns, (P, rows, C), flattened to (P, rows * C), zero in the rows that do not count."""
         if not np.all(self.counted == 1.0):
             columns = columns * self._root
         return columns.reshape(len(columns), self.measured.size)
@@ -190,7 +191,7 @@ class Followed(Linearised):
         return np.sqrt(self.counted)[:, None]
 
     def with_gains(self, point: Point, vector: np.ndarray, starts: np.ndarray | None = None) -> Point:
-        """Other parameters, and starts, with the filter's gains of a point."""
+        """The point of other parameters, and starts, with the filter's gains of a given point."""
         if point.system is None:
             return point
         starts = point.starts if starts is None else starts

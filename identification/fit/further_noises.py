@@ -1,8 +1,8 @@
-"""Noises that only what a fit leaves can show: a swell, and errors of readings that last.
+"""Noises that only the residuals of a fit can show: a swell, and lasting sensor errors.
 
-Accelerations that merely fade and white errors of sensors cannot tell all of a sea: waves have a period, a compass
-wanders, and a pressure sensor in waves does not read by how much the boat rises.  Errors that keep a colour make
-effects that imitate it, and differences between parts of a record, look more certain than they are.
+Accelerations that merely decay and white sensor errors cannot describe a sea: waves have a period, a compass wanders,
+and a pressure sensor in waves does not show the full heave of the boat.  If the errors stay coloured, effects that
+imitate them, and differences between parts of a record, look more certain than they are.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from identification.fit.followed import Point
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.swell import period_of_swell
 
-Added = tuple[Sequence[int], Sequence[int], float]  # as `Stretches.with_noises` takes them
+Added = tuple[Sequence[int], Sequence[int], float]  # arguments of `Stretches.with_noises`
 
 
 @dataclass(frozen=True, eq=False)
 class Noisier:
-    """A problem with noises that were added, and the fitted point of it."""
+    """A problem with added noises, and its fitted point."""
 
     added: Added
     problem: PredictionErrors
@@ -38,10 +38,11 @@ def further_noises(
 ) -> list[Noisier]:
     """The noises that make a fitted point likelier, one kind after the other; see `_kinds`.
 
-    None for a vehicle of one velocity, unless internal waves carry it (`Family.carried`): nothing tells an error that
-    lasts from what moves it.  A swell's period is one parameter more, and costs as much as an acceleration does.
-    plant: of the point, which was fitted over the paths.  waves_alone: a swell that pushes, and no errors of sensors;
-    nothing where errors keep a period beside it, as those of a sensor do that swings while nothing else moves.
+    Empty for a vehicle of one velocity, unless internal waves carry it (`Family.carried`): a lasting sensor error could
+    not be told from the vehicle's motion.  A swell's period is one more parameter, and costs as much as an
+    acceleration.
+    plant: of the point, which was fitted over the paths.  waves_alone: only a swell that pushes, no sensor errors;
+    empty if the errors remain periodic beside it, as those of an oscillating sensor do.
     """
     found: list[Noisier] = []
     while _waved(problem) and (kinds := _kinds(problem, point, paths, waves_alone)):
@@ -59,16 +60,16 @@ def further_noises(
 
 
 def begun_beside(problem: PredictionErrors, point: Point, paths: Sequence[str]) -> Point:
-    """A point of the problem without its last noises, with noises that suit it, all else held."""
+    """A point of the problem, from one without the problem's last noises: noises fitted, all else held."""
     near = problem.begun_with(point)
     return problem.renewed(near, near.logs, paths)
 
 
 def _kinds(problem: PredictionErrors, point: Point, paths: Sequence[str], waves_alone: bool) -> list[Added]:
-    """The noises that the errors of a point may be due to.
+    """The noises that may explain the errors of a point.
 
-    Where errors have a period, a swell that pushes two velocities or more, or that sensors misread; where those of a
-    channel are coloured, errors of its readings that last.  Of a vehicle that they carry, internal waves.
+    If errors are periodic, a swell that pushes two velocities or more, or one that sensors misread; if those of a
+    channel are coloured, lasting sensor errors.  For a vehicle carried by internal waves, these waves.
     """
     if problem.plant.family.carried:
         return [] if waves_alone else _internal_waves(problem, point, paths)
@@ -85,21 +86,21 @@ def _kinds(problem: PredictionErrors, point: Point, paths: Sequence[str], waves_
 
 
 def _waved(problem: PredictionErrors) -> list[int]:
-    """Which accelerations, or drifts of what internal waves carry, further noises may come beside."""
+    """The accelerations, or the drifts carried by internal waves, to which further noises may be added."""
     if problem.plant.family.carried:
         return np.flatnonzero(~problem.further).tolist()
     return problem.velocities if len(problem.velocities) >= _least(problem) else []
 
 
 def _least(problem: PredictionErrors) -> int:
-    """How many velocities waves push at the least: a loop that swings may look like waves that push one."""
+    """The least number of velocities that waves push: an oscillating loop may look like waves that push one."""
     return 1 if problem.plant.family.carried else LEAST_OF_SWELL
 
 
 def _internal_waves(problem: PredictionErrors, point: Point, paths: Sequence[str]) -> list[Added]:
-    """Waves of the likeliest period, all else held, beside random drifts without waves.
+    """Internal waves of the likeliest period, all else held, if the point has random drifts and no waves yet.
 
-    Their spectrum is broad, so that errors beside these show no peak, and need not be coloured.
+    Their spectrum is broad, so the errors without them show no peak, and need not be coloured.
     """
     if problem.periods.any() or not problem.is_pushed(point):
         return []
@@ -115,10 +116,10 @@ def _internal_waves(problem: PredictionErrors, point: Point, paths: Sequence[str
 def _pruned(
     problem: PredictionErrors, plant: Plant, paths: Sequence[str], point: Point, added: Added
 ) -> Noisier | None:
-    """A problem with those of some noises that come to something beside a point; None where none does."""
+    """The fitted problem with those of the added noises that are present; None if none is."""
     other = problem.with_noises(*added)
     near = Noisier(added, other, begun_beside(other, point, paths))
-    if not _gain(problem, point, near, paths) > 0.0:  # with all else held
+    if not _gain(problem, point, near, paths) > 0.0:  # all else held
         return None
     there = Noisier(added, other, other.solve(plant, paths, near.point))
     pushing, misread = _told(there)
@@ -131,7 +132,7 @@ def _pruned(
 
 
 def _told(there: Noisier) -> tuple[list[int], list[int]]:
-    """Those of the noises that were added which have a part in the point: velocities, and channels."""
+    """The added noises that are present in the point: velocities, and channels."""
     velocities, readings, period = there.added
     problem, noise = there.problem, there.problem.noise_at(there.point)
     pushing = [d for d in velocities if problem.pushed[d] in noise.told(False, period)]
@@ -139,5 +140,5 @@ def _told(there: Noisier) -> tuple[list[int], list[int]]:
 
 
 def _gain(problem: PredictionErrors, point: Point, there: Noisier, paths: Sequence[str]) -> float:
-    """By how much the log-likelihood with noises that were added is greater than that of a point without."""
+    """The gain in the objective from the added noises, over a point without them."""
     return there.problem.objective(there.point, paths) - problem.objective(point, paths)

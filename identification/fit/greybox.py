@@ -1,4 +1,4 @@
-"""Grey box: physical parameters of a plant fitted to records by the likelihood of a filter's prediction errors."""
+"""Grey box: physical parameters of a plant, fitted to records by the likelihood of a filter's prediction errors."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ DEPENDENT = 1e-7  # smallest eigenvalue of the scaled normal matrix at which par
 
 @dataclass(frozen=True, eq=False)
 class GreyBoxFit:
-    """A plant with its free parameters fitted, and how sure they are.
+    """A plant with its free parameters fitted, and their uncertainty.
 
-    covariance: (P, P) in the parameters' units.  noise: of sensors' readings, and of what pushes the vehicle.
-    averaged: s, over which readings were averaged, 0 where each was read by itself.
-    log_likelihood: of the prediction errors.  residual_rms: per channel, of free runs over the windows from states that
-    suit each best.  windows: slices of the fitted record, which holds all records given one after the other.
+    covariance: (P, P) in the parameters' units.  noise: of sensors' readings, and of the random accelerations.
+    averaged: s, over which readings were averaged, 0 if they were not averaged.
+    log_likelihood: of the prediction errors.  residual_rms: per channel, of free runs over the windows, each from its
+    best-fitting initial states.  windows: slices of the fitted record, which is the concatenation of all given records.
     """
 
     model: Plant
@@ -49,7 +49,7 @@ class GreyBoxFit:
     averaged: float = 0.0
 
     def __getitem__(self, path: str) -> Estimate:
-        """The estimate of a path; raises KeyError on one that was not free."""
+        """The estimate of a path; raises KeyError if it was not free."""
         return next((e for e in self.estimates if e.path == path), None) or _no_estimate(path, self.estimates)
 
 
@@ -57,14 +57,13 @@ class GreyBoxFit:
 class GreyBox:
     """Grey-box prediction-error fit with sensor and process noise; see `identification.fit.prediction_errors`.
 
-    free: parameter paths of the plant.  process: whether random accelerations may push the vehicle, their strength and
-    correlation times estimated; without, this is output error over windows, each begun from states of its own.  Where
-    what a fit leaves shows them, waves push the vehicle, too, or errors of sensors last (`fit.further_noises`).
-    window: s, the length of a window, by default the vehicle's; with process noise, windows are joined.
-    doubt: relative standard deviation of the coefficients that state none, which holds them to their values; by default
-    nothing does.
-    Effects start one probe off neutral, where their derivative is defined; stiction, which has none, at the likeliest
-    of several sizes.
+    free: parameter paths of the plant.  process: whether to estimate random accelerations of the vehicle, by strength
+    and correlation time; without, the fit is output error over windows with initial states of their own.  Waves and
+    lasting sensor errors are added if the residuals show them (`fit.further_noises`).
+    window: s, length of a window, by default the vehicle's; with process noise, adjacent windows are joined.
+    doubt: relative prior standard deviation of the coefficients that state none; by default they have no prior.
+    Effects start one probe off neutral, where their derivative is defined; stiction, which has none, starts at the
+    likeliest of several sizes.
 
     Example:
 
@@ -137,7 +136,7 @@ class GreyBox:
         return self._result(problem, point, paths, windows)
 
     def _likeliest(self, problem: PredictionErrors) -> Point:
-        """The likeliest point; the coefficients first: from poor ones, effects would be drawn to far-fetched values."""
+        """The likeliest point; coefficients are fitted first, since poor ones would push effects far off."""
         paths = tuple(self.free)
         coefficients = [p for p in paths if not p.startswith("effects.")]
         plant, near = problem.plant, None
@@ -157,7 +156,7 @@ class GreyBox:
         return point
 
     def _over_jumps(self, problem: PredictionErrors, plant: Plant, near: Point | None) -> Plant:
-        """The plant with the likeliest of several sizes of what jumps, which no fit would find from next to neutral."""
+        """The plant with the likeliest of several sizes of effects with jumps, which no fit finds from near neutral."""
         logs = problem.first_noise() if near is None else near.logs
         for path in filter(jumps, self.free):
             spec = spec_at(plant, path)
@@ -210,10 +209,11 @@ class GreyBox:
 
 
 def _problems(information: np.ndarray, raw: np.ndarray, paths: Sequence[str]) -> dict[str, str]:
-    """Why parameters are not determined, by path; empty if all are.
+    """Why parameters cannot be determined, by path; empty if all can.
 
-    A column without norm changes nothing that was measured. A null direction of the normal matrix, scaled by the
-    sensitivities of free runs, is a change that initial states or other parameters undo; its larger parts are named.
+    A column without norm belongs to a parameter that changes no measurement.  A null direction of the normal matrix,
+    scaled by the sensitivities of free runs, is a change that initial states or other parameters undo; its larger
+    components are named.
     """
     found = {}
     alive = [i for i in range(len(paths)) if raw[i] > NOTHING]

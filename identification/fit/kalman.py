@@ -1,9 +1,9 @@
 """A square-root Kalman filter of a linear, time-varying system; `adjoint.py` has the gradient of its likelihood.
 
-The state is [x | d]: d are accelerations, each a first-order Gauss-Markov process, that push x.  Those of a swell come
-in pairs: two such processes that turn into each other, of which the first one pushes; its spectrum has a peak at the
-frequency of the turn, the wider the briefer the process is (Harvey 1989, sec. 2.3.5, a stochastic cycle).  Rows follow
-each other in stretches; a stretch begins from a start of its own.
+The state is [x | d]: the accelerations d, each a first-order Gauss-Markov process, push x.  Those of a swell come in
+pairs of such processes that rotate into each other, of which the first pushes.  Their spectrum has a peak at the
+frequency of the rotation, and is wider for shorter correlation times (Harvey 1989, sec. 2.3.5, a stochastic cycle).
+Rows follow each other in stretches, each with initial states of its own.
 Source: Potter's update and the triangular time update, Bierman 1977, sec. II.3 and V.
 """
 
@@ -19,23 +19,24 @@ from auv_gym.physics.pushes import turned
 from identification.fit.responses import Responses
 
 LEAST_VARIANCE = 1e-300
-_HELD = 3  # systems without some of their accelerations
-NOTHING = 1e-100  # of a root, below which it is zero: its square would be too small for a number
+_HELD = 3  # cached systems without some of their accelerations
+NOTHING = 1e-100  # entries of a root below this count as zero: their squares would underflow
 
 
 @dataclass(frozen=True, eq=False)
 class System:
     """A linear system over rows.
 
-    a: (rows, N - D, N), from a row to the next one's x.  c: (rows, C, N).  forcing: (rows, N - D), what is taken from
-    x on the way.  error: (rows, C), measured less what a zero state gives; finite: (rows, C).
-    begin: (rows,), 0 in a stretch, 1 where one begins, 2 where it begins with the `constant` states (N,) going on.
-    durations: (rows,), s, to the next row.  start: (W, N - D, N - D), transposed square root of the covariance of x
-    where a stretch begins; where constant states go on, zero in their rows and columns.  origin: (W, N), the mean.
-    moves: (rows, N - D, N), as `a`, also of sensors without a lag; only where gains act at the end of a row.
-    turns: (D,), rad/s, with which an acceleration and the one after it turn into each other; 0, or None, where none do.
-    vector: (n_parameters,), of the vehicle whose slopes these are; path: (rows, F), about which they were taken.
-    responses: of its parameters, taken there or near by, if there are any.
+    a: (rows, N - D, N), from a row to the next one's x.  c: (rows, C, N).  forcing: (rows, N - D), subtracted from x on
+    the way.  error: (rows, C), measured minus the output of a zero state; finite: (rows, C).
+    begin: (rows,), 0 within a stretch, 1 where one begins, 2 where one begins and the `constant` states (N,) carry
+    over.
+    durations: (rows,), s, to the next row.  start: (W, N - D, N - D), transposed square root of the initial covariance
+    of x of a stretch, zero in rows and columns of states carried over.  origin: (W, N), the initial mean.
+    moves: (rows, N - D, N), as `a`, but including sensors without a lag; only where gains act at the end of a row.
+    turns: (D,), rad/s, of the rotation of an acceleration and the one after it into each other; 0, or None, for none.
+    vector: (n_parameters,), of the linearised vehicle; path: (rows, F), of the linearisation.
+    responses: of its parameters, computed there or nearby, if any.
     """
 
     a: np.ndarray
@@ -57,7 +58,7 @@ class System:
 
     @property
     def turning(self) -> np.ndarray:
-        """The turns, (D,)."""
+        """The turns, (D,), zero for none."""
         return np.zeros(self.a.shape[2] - self.a.shape[1]) if self.turns is None else self.turns
 
     def with_pushes(self, kept: np.ndarray) -> System:
@@ -75,12 +76,12 @@ class System:
 
 @dataclass(frozen=True, eq=False)
 class Pass:
-    """What a filter made of a system.
+    """The results of a filter over a system.
 
-    gains: (rows, N, C).  whiten: (rows, C, C), lower triangular, which takes an innovation to unit variance; zero where
-    nothing was measured.  innovations: (rows, C), so scaled.  scores: (rows,), log-likelihood.
-    roots: (rows, M, M), transposed square roots of the covariances before the readings, and means: (rows, M), after
-    them, of the M states that were not left out.
+    gains: (rows, N, C).  whiten: (rows, C, C), lower triangular, scales an innovation to unit variance; zero where
+    nothing was measured.  innovations: (rows, C), scaled in this way.  scores: (rows,), log-likelihood.
+    roots: (rows, M, M), transposed square roots of the covariances before the readings, and means: (rows, M), after the
+    readings, of the M states that were not left out.
     """
 
     gains: np.ndarray
@@ -92,9 +93,9 @@ class Pass:
 
 
 def run_filter(system: System, variances: np.ndarray, deviations: np.ndarray, times: np.ndarray) -> Pass:
-    """The filter for variances of the channels' readings (C,), accelerations' deviations and correlation times (D,).
+    """Run the filter with given variances of readings (C,), and accelerations' deviations and correlation times (D,).
 
-    An acceleration without deviation is left out, at no loss: nothing is in its rows of the pass.
+    An acceleration without deviation is left out, which does not change the result; its gains are zero.
     """
     kept = deviations > 0.0
     s, own = latest(system, kept), own_states(system, kept)
@@ -114,7 +115,7 @@ _latest: tuple[tuple[ref[System], bytes, System], ...] = ()
 def latest(system: System, kept: np.ndarray) -> System:
     """A system without some of its accelerations, kept: (D,) bool.
 
-    A search of noises asks for the same again and again, so that the last few are held as long as their systems live.
+    The last few results are cached while their systems live, since a search of noises repeats its requests.
     """
     global _latest
     if kept.all():
@@ -128,12 +129,12 @@ def latest(system: System, kept: np.ndarray) -> System:
 
 
 def own_states(system: System, kept: np.ndarray) -> np.ndarray:
-    """Which of a system's states a filter has that leaves some accelerations out, (N,) bool."""
+    """Which of a system's states a filter keeps without some of the accelerations, (N,) bool."""
     return np.r_[np.ones(system.a.shape[1], dtype=bool), kept]
 
 
 def among(some: np.ndarray, own: np.ndarray, *axes: int) -> np.ndarray:
-    """Numbers of some states among those of all, the others zero; own: (N,) bool."""
+    """Expand arrays of some states to all states, with zeros for the others; own: (N,) bool."""
     if own.all():
         return some
     for axis in axes:
@@ -144,9 +145,9 @@ def among(some: np.ndarray, own: np.ndarray, *axes: int) -> np.ndarray:
 
 
 def start_slopes(system: System, gains: np.ndarray, whiten: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Slopes of the scaled predictions by the states x with which stretches begin, the gains held, (N - D, rows, C).
+    """Slopes of the scaled predictions by the initial x of stretches, with the gains held, (N - D, rows, C).
 
-    Each state is moved where any stretch begins.  gains: (rows, N, C) and whiten: (rows, C, C), as of a pass.
+    Each state is changed at the start of every stretch.  gains: (rows, N, C) and whiten: (rows, C, C), as in a pass.
     times: (D,), correlation times of the accelerations, s.
     """
     s, (rows, count, _) = system, system.c.shape
@@ -157,7 +158,8 @@ def start_slopes(system: System, gains: np.ndarray, whiten: np.ndarray, times: n
     return slopes
 
 
-# Loops over contiguous numbers are innermost and add to an array: compilers vectorise these without reordering sums.
+# Loops over contiguous numbers are innermost and add to an array: compilers vectorise such loops without reordering
+# sums.
 
 
 @outlined
@@ -165,7 +167,7 @@ def _forward(
     a, c, forcing, error, finite, counts, begin, constant, durations, start, origin, variances, deviations,
     times, turns, gains, whiten, innovations, scores, roots, means,
 ):  # fmt: skip
-    """The filter; see `run_filter`."""
+    """The compiled loop of `run_filter`."""
     rows, count, size = c.shape
     pushed = deviations.shape[0]
     solid = size - pushed
@@ -203,7 +205,7 @@ def _forward(
 
 @compiled
 def turned_over(a, onward):
-    """A row's `a` (N - D, N) transposed into onward, (N, N - D)."""
+    """Write the transpose of a row's `a` (N - D, N) into onward, (N, N - D)."""
     solid, size = a.shape
     for n in range(size):
         for i in range(solid):
@@ -212,9 +214,9 @@ def turned_over(a, onward):
 
 @compiled
 def read_row(root, mean, c, error, finite, counts, variances, column, gain, gains, whiten, innovations):
-    """The log-likelihood of a row's readings, which move root (transposed, N, N) and mean (N,), one by one (Potter).
+    """Log-likelihood of a row's readings, which update root (transposed, N, N) and mean (N,) one by one (Potter).
 
-    gains (N, C), whiten (C, C) and innovations (C,), zero before, become those of `Pass`.  column, gain: work, (N,).
+    gains (N, C), whiten (C, C) and innovations (C,), initially zero, become those of `Pass`.  column, gain: work, (N,).
     """
     count, size = c.shape
     score = 0.0
@@ -248,7 +250,7 @@ def read_row(root, mean, c, error, finite, counts, variances, column, gain, gain
         for i in range(size):
             gain[i] /= spread
             mean[i] += gain[i] * ahead
-        # this reading's innovation in terms of the row's: T, then the whole gain
+        # this reading's innovation in terms of those of the row: T, then the full gain
         whiten[m, m] = 1.0
         for i in range(size):
             factor = c[m, i]
@@ -269,7 +271,7 @@ def read_row(root, mean, c, error, finite, counts, variances, column, gain, gain
 
 @compiled
 def to_next_row(root, mean, onward, forcing, duration, deviations, times, turns, wide, moved, reflector, share_of):
-    """Root (transposed, N, N) and mean (N,) moved to the next row, duration s later: [A S | sqrt(Q)], made square.
+    """Move root (transposed, N, N) and mean (N,) to the next row, duration s later: [A S | sqrt(Q)], made square.
 
     onward: (N, N - D), `a` of the row transposed.  wide: work, (N + D, N), as are moved (N,) and those of reflections.
     """
@@ -315,7 +317,10 @@ def to_next_row(root, mean, onward, forcing, duration, deviations, times, turns,
 
 @outlined
 def _made_square(wide, root, reflector, share_of):
-    """A lower-triangular root (n, n) of wide wide^T by Householder reflections; wide (m, n) and root are transposed."""
+    """Write a lower-triangular root (n, n) of wide wide^T; wide (m, n) and root are transposed.
+
+    The method is Householder reflections.
+    """
     width, size = wide.shape
     for i in range(size):
         norm = 0.0
@@ -327,7 +332,7 @@ def _made_square(wide, root, reflector, share_of):
             sign = 1.0 if wide[i, i] >= 0.0 else -1.0
             power = 2.0 / (2.0 * norm * (norm + abs(wide[i, i])))
             reflector[i] += sign * norm
-            first, left = i + 1, size - i - 1  # loops count from 0: from another start they would not be vectorised
+            first, left = i + 1, size - i - 1  # loops start from 0: otherwise they would not be vectorised
             for n in range(left):
                 share_of[n] = 0.0
             for j in range(i, width):
@@ -348,7 +353,7 @@ def _made_square(wide, root, reflector, share_of):
 
 @outlined
 def _started(a, c, begin, constant, decays, angles, gains, whiten, slopes):
-    """See `start_slopes`.  decays, angles: (rows, D)."""
+    """The compiled loop of `start_slopes`.  decays, angles: (rows, D)."""
     rows, count, size = c.shape
     solid = slopes.shape[0]
     moved, after, change = np.zeros((solid, size)), np.zeros(size), np.zeros(count)

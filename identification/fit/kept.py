@@ -1,4 +1,4 @@
-"""Slopes of the latest points of a fit: its gate, its intervals and the next search ask for the same ones again."""
+"""A cache of slopes at the latest points of a fit: its gate, its intervals and the next search use the same ones."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _MOST_KEPT = 2**24  # numbers, 128 MiB
 
 
 class KeptSlopes:
-    """Columns by key of the points that were asked about last, as many as fit.
+    """A cache of columns, by point and key; the points used longest ago are dropped when it is full.
 
-    A point is known by being the same object, and its columns go with it. Fits run as threads: what two of them make
-    at once is made twice, and kept once.
+    Points are compared by identity, and the columns of a point are dropped with it.  Fits run as threads: columns that
+    two threads need at the same time are computed twice and kept once.
     """
 
     def __init__(self, most: int = _MOST_KEPT):
@@ -25,7 +25,7 @@ class KeptSlopes:
         self._numbers = 0
 
     def of(self, point: object, keys: Sequence[Hashable], make: Callable[[list[int]], np.ndarray]) -> np.ndarray:
-        """The columns of these keys, (P, ...); make: of the keys with these numbers, which are not kept."""
+        """The columns of these keys, (P, ...); make: computes the columns of keys, by index, that are not kept."""
         with self._lock:
             held, known = self._kept.get(id(point), (None, {}))
             known = dict(known) if held is not None and held() is point else {}
@@ -40,7 +40,7 @@ class KeptSlopes:
         return found
 
     def keep(self, point: object, columns: Mapping[Hashable, np.ndarray]) -> None:
-        """Hold columns of a point, those of others as long as there is room."""
+        """Keep the columns of a point; the oldest columns of other points are dropped if there is no room."""
         with self._lock:
             held, known = self._kept.pop(id(point), (None, {}))
             if held is None or held() is not point:

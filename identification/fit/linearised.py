@@ -13,12 +13,12 @@ from identification.fit.parameters import moves_of
 from identification.fit.responses import Responses
 from identification.fit.stretches import Stretches
 
-_NEAR = 0.1  # of a scale, a hundredth of a coefficient: slopes serve while no parameter is farther from where they were
-_AT_ONCE = 2**22  # numbers of the outputs of runs that are made at once, 32 MiB
+_NEAR = 0.1  # of a scale, a hundredth of a coefficient: largest change of a parameter for which slopes are reused
+_AT_ONCE = 2**22  # numbers in the outputs of runs that are made together, 32 MiB
 
 
 def at_once(count: int, each: int, beside: int = 0) -> Iterator[slice]:
-    """`count` runs, as slices of as many as may be made at once; each: numbers of one.  beside: runs made with them."""
+    """Slices of `count` runs that may be made together; each: numbers of one.  beside: further runs in each."""
     size = max(_AT_ONCE // max(each, 1) - beside, 1)
     return (slice(first, first + size) for first in range(0, count, size))
 
@@ -27,7 +27,7 @@ class Linearised(Stretches):
     """A plant along the stretches of a record, with its slopes from row to row."""
 
     def _system(self, vector: np.ndarray, path: np.ndarray, starts: np.ndarray, roots: np.ndarray) -> System:
-        """The plant linearised along a path of states, with what is assumed of the stretches' starts."""
+        """The plant linearised along a path of states, with the prior of the stretches' starts."""
         return self._with_slopes(vector, path, starts, roots, *self._slopes(vector, path, self.live))
 
     def _followed_system(
@@ -35,7 +35,7 @@ class Linearised(Stretches):
     ) -> System:
         """The plant linearised along the path of its own extended Kalman filter, see `extended.filtered`.
 
-        logs: variances of the channels, deviations and correlation times of accelerations, as `run_filter` takes them.
+        logs: variances of the channels, and deviations and correlation times of accelerations, as for `run_filter`.
         """
         variances, deviations, times = logs
         plant, runs, live, there = self.plant, self.runs, self.live, deviations > 0.0
@@ -46,12 +46,12 @@ class Linearised(Stretches):
         a, c = np.empty((rows, live.size, live.size)), np.empty((rows, self.measured.shape[1], live.size))
         until, vectors = plant.pieces(vector)
         first, ways = ways_of(self.kicks[there])
-        if self.stride == 1:  # an acceleration does nothing to a single reading
+        if self.stride == 1:  # an acceleration does not change a single reading
             first, ways = first[:0], np.full_like(ways, -1)
         pushing = np.flatnonzero(there)[first]
         moved, probes = np.r_[live, states + first], self._probes(np.r_[live, states + pushing])
         self.work.add((1 + len(moved)) * rows * self.stride)
-        with np.errstate(all="ignore"):  # of one that runs away
+        with np.errstate(all="ignore"):  # the filter may diverge
             program_of(plant)(
                 vectors, until, runs.begin, runs.stop, self.carried, self._shared, runs.times, runs.inputs, runs.first,
                 runs.references, plant.longest_step, runs.stride, runs.shares, np.ascontiguousarray(starts[:, own]),
@@ -74,7 +74,7 @@ class Linearised(Stretches):
         y: np.ndarray,
         after: np.ndarray,
     ) -> System:
-        """The system of slopes along a path, and of the outputs and next states from there, see `_slopes`."""
+        """The system from slopes along a path, and from the outputs and next states there, see `_slopes`."""
         live, solid, pushed = self.live, len(self.live), len(self.pushed)
         rows = len(self.rows)
         kicked, felt = np.zeros((rows, solid, pushed)), np.zeros((rows, c.shape[1], pushed))
@@ -92,7 +92,7 @@ class Linearised(Stretches):
                 kicked[:, j, d] += self.kicks[d, 2]
             kicked *= self.durations[:, None, None]
         moves = np.concatenate([a, kicked], axis=2) if self.stride > 1 else None
-        for j in np.flatnonzero(live >= len(self._shared)):  # a sensor without a lag has no state that lasts
+        for j in np.flatnonzero(live >= len(self._shared)):  # the state of a sensor without a lag does not persist
             if np.median(np.abs(a[:, j, j] - 1.0)) < 1e-9:
                 a[:, j], a[:, :, j], c[:, :, j] = 0.0, 0.0, 0.0
         error, forcing = self._residual(y, after, path, felt, kicked)
@@ -111,9 +111,10 @@ class Linearised(Stretches):
     def _residual(
         self, y: np.ndarray, after: np.ndarray, path: np.ndarray, felt: np.ndarray, kicked: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """What is measured less what a zero state gives, and what a run from row to row adds to it, see `System`.
+        """Measured minus the output of a zero state, and what a run from row to row adds to the state, see `System`.
 
-        felt: (rows, C, D) and kicked: (rows, N - D, D), what accelerations do to a row's outputs and to the next row.
+        felt: (rows, C, D) and kicked: (rows, N - D, D), the effects of accelerations on a row's outputs and on the next
+        row.
         """
         pushes = path[:, self._size :]
         error = np.where(self.finite, self.measured - y, 0.0)
@@ -124,7 +125,7 @@ class Linearised(Stretches):
         return error, forcing
 
     def _near_by(self, taken: np.ndarray | None, vector: np.ndarray) -> bool:
-        """Whether parameters, and no others, are where slopes were taken, to `_NEAR` of a scale each."""
+        """Whether no parameter is over `_NEAR` of a scale from where slopes were taken, and nothing else differs."""
         if taken is None or taken.shape != vector.shape:
             return False
         moved = set(np.flatnonzero(vector != taken).tolist())
@@ -134,7 +135,7 @@ class Linearised(Stretches):
         )
 
     def _moved(self, vector: np.ndarray, moves: Sequence[tuple[str, float]]) -> tuple[np.ndarray, np.ndarray]:
-        """Vectors (P, n) of which each has a path moved by a step in scales, within bounds, and the steps (P,)."""
+        """Vectors (P, n), each with one path moved by a step in scales, within bounds, and the steps (P,)."""
         vectors, steps = np.repeat(vector[None], len(moves), axis=0), []
         for j, (path, step) in enumerate(moves):
             i, size = self.index[path], step * self.scale(path)
@@ -145,7 +146,7 @@ class Linearised(Stretches):
         return vectors, np.array(steps)
 
     def _responses(self, vector: np.ndarray, path: np.ndarray, paths: Sequence[str]) -> Responses:
-        """How outputs and the next row's states move with paths, from the states of a path, (rows, F), one row on."""
+        """Responses of outputs and next states to paths, over one row from the states of a path, (rows, F)."""
         vectors, steps = self._moved(vector, moves_of(paths))
         onward = np.empty((len(self.rows), len(self.live), len(steps)))
         seen = np.empty((len(self.rows), len(self.columns), len(steps)))
@@ -153,14 +154,14 @@ class Linearised(Stretches):
             own = np.concatenate([vector[None], vectors[some]])
             self.work.add(len(own) * len(self.rows) * self.stride)
             y, after = self.plant.follow_many(self._by_row, own, path[None], self._one_by_one(), True)
-            with np.errstate(over="ignore", invalid="ignore"):  # of one that runs away
+            with np.errstate(over="ignore", invalid="ignore"):  # a run may diverge
                 for j, step in enumerate(steps[some], start=1):
                     onward[:, :, some.start + j - 1] = (after[j] - after[0])[:, self.live] / step
                     seen[:, :, some.start + j - 1] = (y[j] - y[0])[:, self.columns] / step
         return Responses(tuple(paths), onward, seen)
 
     def _origin(self, path: np.ndarray, starts: np.ndarray) -> np.ndarray:
-        """The means with which stretches begin, from a path, (W, N); accelerations begin at none."""
+        """The initial means of stretches, relative to a path, (W, N); those of accelerations are zero."""
         origin = np.zeros((len(self.stretches), len(self.live) + len(self.pushed)))
         origin[:, : len(self.live)] = (starts - path[self.offsets])[:, self.live]
         return origin

@@ -1,4 +1,4 @@
-"""The noises of sensors and of motion that suit a record best."""
+"""The noises of sensors and of motion that fit a record best."""
 
 from __future__ import annotations
 
@@ -17,25 +17,26 @@ from identification.fit.followed import Point
 from identification.fit.kalman import Pass, System, run_filter
 from identification.fit.work import FILTERED
 
-# of accelerations, in their units (`Stretches.unit`): first guesses; the least that is sought; and below what they are
-# sought among the first guesses if they would be likelier stronger
+# of accelerations, in their units (`Stretches.unit`): first guesses; and the strength below which these guesses are
+# tried again if the slope asks for more
 _FIRST_GUESSES, _FAINT = 10.0 ** np.arange(-5.0, 1.5), 1e-3
-_DOUBTFUL = 10.0 ** np.arange(-3.0, 0.5, 0.5)  # of what is not in a fit: how strong it may be
-_FAR_LESS = 4.0  # of the log-likelihood: chi-square of one degree of freedom is beyond twice that in 0.5 % of cases
-_NOISE_GAIN, _NOISE_REACH = 0.005, 2.0  # of the log-likelihood, the least that a step must bring; the longest, in logs
-FAR = 1.0  # of the log-likelihood, for each row, by which a vehicle is far from what is linearised about it
-_LEAST_NOISE = 0.03  # of a channel, over that of its second differences: simulated readings may have none
+_DOUBTFUL = 10.0 ** np.arange(-3.0, 0.5, 0.5)  # strengths tried for an acceleration that is not in a fit
+_FAR_LESS = 4.0  # of the log-likelihood: chi-square of one degree of freedom exceeds twice this in 0.5 % of cases
+_NOISE_GAIN, _NOISE_REACH = 0.005, 2.0  # least gain of a step, in log-likelihood; its longest length, in logs
+FAR = 1.0  # loss of log-likelihood for each row at which a vehicle counts as far from its linearisation
+_LEAST_NOISE = 0.03  # least noise of a channel, over that of its second differences: simulated readings may have none
 _NOISE_RANGE = np.log(1e4)
-_FADING = 2.0  # of the log-likelihood, that an e-fold less of an acceleration promises where it may be too strong
+_FADING = 2.0  # gain of log-likelihood for each e-fold less of an acceleration at which it may be too strong
 
 
 @dataclass(frozen=True, eq=False)
 class Noise:
     """Standard deviations of white noise by channel, and of accelerations (m/s^2, rad/s^2) with correlation times, s.
 
-    process: by the velocity that is pushed, as (standard deviation, correlation time); what is absent is zero.
-    swell: the same, by period, s, of accelerations in a narrow band about it, which stay in phase for so many seconds.
-    lasting: errors of readings that last, by period, s, 0 for those that merely fade, and by channel, in its unit.
+    process: by the pushed velocity, as (standard deviation, correlation time); absent entries are zero.
+    swell: the same, by period, s, for narrow-band accelerations about that period, with the time that they stay in
+    phase.
+    lasting: lasting sensor errors, by period, s, 0 for those that merely decay, and by channel, in its unit.
     """
 
     measurement: Mapping[str, float]
@@ -44,17 +45,17 @@ class Noise:
     lasting: Mapping[float, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
 
     def told(self, misread: bool, period: float) -> Mapping[str, tuple[float, float]]:
-        """What is told of errors of readings that last, or of accelerations, of a period, s, or none (0)."""
+        """Lasting sensor errors, or else accelerations, of a period, s, or of none (0)."""
         if misread:
             return self.lasting.get(period, {})
         return self.swell.get(period, {}) if period else self.process
 
 
 class Noises(Filter):
-    """The filter with noises that are sought: of each channel, and of accelerations with their correlation times."""
+    """A filter whose noises are estimated: of each channel, and of accelerations with their correlation times."""
 
     def first_noise(self) -> np.ndarray:
-        """Noises to begin with: of channels by their second differences, accelerations of the likeliest shares."""
+        """First guess: noises of channels from second differences, and the likeliest size of accelerations."""
         logs = np.log(self.floors)
         if not self.pushed:
             return logs
@@ -70,7 +71,7 @@ class Noises(Filter):
         return tried[int(np.nanargmax(likely))]
 
     def joined(self, slopes: np.ndarray) -> np.ndarray:
-        """Slopes by noises, (..., C + 2 D), those of an acceleration that has another one's noises added to its own."""
+        """Slopes by noises, (..., C + 2 D); those of accelerations with shared noises are added up in the first."""
         joined = slopes.copy()
         for d in np.flatnonzero(~self._leading):
             for first in (len(self.channels), len(self.channels) + len(self.pushed)):
@@ -79,7 +80,7 @@ class Noises(Filter):
         return joined
 
     def first_point(self, logs: np.ndarray | None = None) -> Point:
-        """The plant's values with noises, by default those to begin with; gains are of the path where all begins."""
+        """The plant's values with noises, by default the first guess; gains are those along the first path."""
         logs = self.first_noise() if logs is None else logs
         made = run_filter(self._first_system, *self._numbers(logs))
         return self._followed(self.plant.vector, logs, self.starts, made.gains, made.whiten, self._first_system)
@@ -93,7 +94,7 @@ class Noises(Filter):
         return self._keeps_to(here, self._first_system)
 
     def _keeps_to(self, here: Point, system: System) -> bool:
-        """Whether the filter of a vehicle keeps to a path along which it is linearised: is as likely as that one."""
+        """Whether the filter of a vehicle is about as likely as the linearised filter, and so stays near its path."""
         own = self.total(here) - self._cost(here.logs)
         return own > self.likelihood_of_noises(system, here.logs) - FAR * len(self.rows)
 
@@ -102,11 +103,11 @@ class Noises(Filter):
         return self._system(self.plant.vector, self.first_path, self.starts, self._widest)
 
     def likelihood_of_noises(self, system: System, logs: np.ndarray) -> float:
-        """The log-likelihood of noises by the linearised filter, less the cost of accelerations that are there."""
+        """The log-likelihood of noises in the linearised filter, minus the cost of the accelerations present."""
         return float(self.counted @ run_filter(system, *self._numbers(logs)).scores) - self._cost(logs)
 
     def _without(self, logs: np.ndarray, which: Sequence[int]) -> np.ndarray:
-        """The noises with some accelerations that are hardly any."""
+        """The noises with some accelerations set to a negligible strength."""
         less = logs.copy()
         less[[len(self.channels) + d for d in which]] = [np.log(LEAST_PROCESS * self.unit[d]) for d in which]
         return less
@@ -119,9 +120,10 @@ class Noises(Filter):
         guesses: np.ndarray | None = None,
         slowness: float | None = None,
     ) -> np.ndarray:
-        """The noises, each of these accelerations in turn the likeliest of none, of some guesses, or as it was.
+        """The noises with each of these accelerations in turn the likeliest of none, some guesses, or as it was.
 
-        guesses: (G, D), logarithms of strengths; NaN is none.  slowness: of their times, by default the usual ones.
+        guesses: (G, D), logarithms of strengths; NaN is none.  slowness: logarithm of their times, by default the usual
+        ones.
         """
         best = self.likelihood_of_noises(system, logs)
         for d in (d for d in which if self._leading[d]):
@@ -140,11 +142,11 @@ class Noises(Filter):
     def better_noise(
         self, point: Point, steps: int, inverse: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The noises of greatest likelihood for a point's parameters, linearised about its path, and their curvature.
+        """The likeliest noises for a point's parameters, linearised about its path, and an inverse of the curvature.
 
-        Sought in units of the precision that the record's length gives each, in which the information is near the unit
-        matrix: quasi-Newton steps (Nocedal and Wright 2006, ch. 6), each cut to what is possible.
-        inverse: of the curvature, in these units, as a search near by left it, which has brought back what is missing.
+        The search uses units of the precision that the length of the record gives, in which the information is near the
+        unit matrix.  It takes quasi-Newton steps (Nocedal and Wright 2006, ch. 6), each cut to the possible range.
+        inverse: of the curvature, in these units, from a nearby search; missing accelerations are then not tried again.
         """
         fresh, inverse = inverse is None, np.eye(point.logs.size) if inverse is None else inverse
         if point.system is None:
@@ -189,12 +191,14 @@ class Noises(Filter):
         return logs, inverse
 
     def left_out(self, point: Point) -> np.ndarray:
-        """Which accelerations have no part in a point, numbers of them."""
+        """Indices of the accelerations that are absent from a point."""
         return np.flatnonzero(~self._there(point.logs) & self._leading)
 
     def with_acceleration(self, point: Point, logs: np.ndarray, d: int) -> list[np.ndarray]:
-        """Noises, and one more acceleration of several strengths each with which a point with a system is not far less
-        likely."""
+        """The noises with one more acceleration, for each of several strengths that is not far less likely.
+
+        point: one with a system.  d: index of the acceleration.
+        """
         assert point.system is not None
         strength, tried = len(self.channels) + d, []
         for share in _DOUBTFUL:
@@ -204,9 +208,10 @@ class Noises(Filter):
         return [other for other, likely in zip(tried, found, strict=True) if likely + COST > without - _FAR_LESS]
 
     def _revived(self, point: Point, logs: np.ndarray, slope: np.ndarray) -> np.ndarray:
-        """The noises, accelerations that are hardly there brought back where that is likelier.
+        """The noises, with negligible accelerations brought back if that is likelier.
 
-        In logarithms the likelihood is flat about them, so that small steps do not: its slope only tells the way.
+        In logarithms the likelihood is flat near such strengths, so small steps would not bring them back: the slope
+        only gives the direction.
         """
         first, pushed = len(self.channels), len(self.pushed)
         faint = np.flatnonzero(~self._there(logs, _FAINT) & (slope[first : first + pushed] > 0.0))
@@ -214,9 +219,9 @@ class Noises(Filter):
         return self._likeliest(point.system, logs, faint, self._guesses) if faint.size else logs
 
     def _faded(self, point: Point, logs: np.ndarray, slope: np.ndarray, fresh: bool) -> np.ndarray:
-        """The noises without those accelerations that would be likelier weaker, and likelier still not there at all.
+        """The noises without those accelerations whose absence is likelier, among those that would be likelier weaker.
 
-        In a fresh search one that is far too strong is not given up before weaker ones are tried.
+        In a fresh search, weaker strengths are tried before an acceleration that is far too strong is dropped.
         """
         assert point.system is not None
         first, pushed = len(self.channels), len(self.pushed)
@@ -235,15 +240,15 @@ class Noises(Filter):
     def noise_slopes(self, point: Point, logs: np.ndarray) -> tuple[float, np.ndarray]:
         """Log-likelihood of noises with their prior, linearised about a point's path, and its slopes, (C + 2 D,).
 
-        By accelerations that are hardly there the slopes are zero, see `run_filter`.
+        The slopes by negligible accelerations are zero, see `run_filter`.
         """
         value, made = self._noise_pass(point, logs)
         return value, self._noise_slopes(point, logs, made)
 
     def noise_information(self, point: Point, which: Sequence[int], step: float) -> np.ndarray:
-        """The information of the record on some noises' logarithms, (K, K), by differences of slopes over a step.
+        """The information of the record and the prior on some noises' logarithms, (K, K), by differences of slopes.
 
-        With what is known of them; of a point with a system, linearised about its path.
+        point: one with a system, about whose path the filter is linearised.  step: of the differences.
         """
         own, slope = list(which), self.noise_slopes(point, point.logs)[1]
         found = np.zeros((len(own), len(own)))
@@ -254,9 +259,9 @@ class Noises(Filter):
         return 0.5 * (found + found.T)
 
     def slopes_in_parts(self, point: Point, parts: int) -> np.ndarray:
-        """Slopes by its noises of the log-likelihood of equal parts of the rows, without priors, (parts, C + 2 D).
+        """Slopes by noises of the log-likelihood of equal parts of the rows, without priors, (parts, C + 2 D).
 
-        Of a point with a system, linearised about its path.
+        point: one with a system, about whose path the filter is linearised.
         """
         assert point.system is not None
         numbers, part = self._numbers(point.logs), np.arange(len(self.rows)) * parts // len(self.rows)
@@ -268,7 +273,7 @@ class Noises(Filter):
     def _noise_pass(self, point: Point, logs: np.ndarray, every: bool = False) -> tuple[float, Pass]:
         """Log-likelihood of noises with their prior, and its pass; every: see `_numbers`."""
         assert point.system is not None
-        self.work.add(2 * FILTERED * len(self.rows))  # and its slopes
+        self.work.add(2 * FILTERED * len(self.rows))  # the pass, and its slopes
         made = run_filter(point.system, *self._numbers(logs, every))
         value = float(self.counted @ made.scores) + self._prior(logs)[0]
         return value if np.isfinite(value) else -np.inf, made
@@ -287,13 +292,13 @@ class Noises(Filter):
         return self._followed(point.vector, logs, point.starts, made.gains, made.whiten, point.system)
 
     def pushing(self, point: Point) -> list[int]:
-        """Which of a point's noises are strengths and correlation times of accelerations that are there."""
+        """Indices of a point's noises that are strengths and correlation times of accelerations that are present."""
         first, pushed = len(self.channels), len(self.pushed)
         strengths = first + np.flatnonzero(self._there(point.logs) & self._leading)
         return [*strengths.tolist(), *(strengths + pushed).tolist()]
 
     def noise_at(self, point: Point) -> Noise:
-        """The noises of a point; accelerations that add nothing to the likelihood are left out."""
+        """The noises of a point, without accelerations that add nothing to the likelihood."""
         variances, deviations, times = self._numbers(point.logs)
         process, swell, lasting = {}, {}, {}
         if point.system is not None:
@@ -308,7 +313,7 @@ class Noises(Filter):
         return Noise(measured, process, swell, lasting)
 
     def with_noises_of(self, noise: Noise) -> Self:
-        """The same with a swell, and errors of readings that last, where a fit has found such noises."""
+        """The problem with the swell and the lasting sensor errors of the given noises."""
         made = self
         for period in dict.fromkeys([*noise.swell, *noise.lasting]):
             velocities = [self.pushed.index(n) for n in noise.swell.get(period, {}) if n in self.pushed]

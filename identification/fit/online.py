@@ -14,13 +14,13 @@ from auv_gym.plant import Plant
 from auv_gym.plant.rollout import scratch_for
 from identification.fit.kalman import read_row, to_next_row
 
-# Open in the template: the family's programs.
+# Bound for each family: its programs.
 step: Any = OPEN
 read: Any = OPEN
 
 
 def pushed_step(x, push, inputs, ages, kicks, longest_step, derived, work):
-    """The vehicle a sample on, in place, pushed by accelerations before and after, see `plant.rollout.rollout`."""
+    """Step the vehicle by one sample, in place, with pushes before and after it, see `plant.rollout.rollout`."""
     duration = ages[ages.shape[0] - 1]
     shove(x, push, kicks, 1, duration)
     step(x, inputs, ages, longest_step, derived, work)
@@ -32,14 +32,15 @@ def one_sample(
     places, columns, angles, probes, kicks, pushed, deviations, times, turns, variances,
     fading, gains, whiten, innovations, y, room,
 ):  # fmt: skip
-    """The filter one sample on, by `inputs` that were held since the one before, and corrected by what is measured.
+    """Step the filter by one sample, by `inputs` held since the sample before, and correct it by the readings.
 
-    moves: False at a first sample, which is only read.  varies: whether the vehicle is linearised anew, here, for the
-    gains (N, C); else they are held, and the root of the covariance stays as it is.
+    moves: False at a first sample, which is only read.  varies: whether to linearise the vehicle here for the gains (N,
+    C); otherwise they are held, and the root of the covariance stays as it is.
     x: full state; push: (D,); root: (N, N), transposed.  places: (N - D,), of the live states in x.  columns: (C,) of
-    the channels among the outputs; angles: (C,) bool.  pushed: (D,), which of the live states accelerations push.
-    fading: by which deviations of the live states grow at each sample.  measured: outputs, NaN where nothing is.
-    innovations: (C,), of unit variance, NaN there.  y: outputs before the correction, but for errors that last.
+    the channels among the outputs; angles: (C,) bool.  pushed: (D,), indices of the live states that accelerations
+    push.
+    fading: growth factor of the live states' deviations at each sample.  measured: outputs, NaN where nothing is.
+    innovations: (C,), of unit variance, NaN there.  y: outputs before the correction, without lasting sensor errors.
     room: work, (10 + 3 N + D + C, max(N + D, len(x), C, outputs)).
     """
     size, count = places.shape[0], columns.shape[0]
@@ -132,7 +133,7 @@ _BOUND: dict[str, Any] = {}
 
 
 def _program(plant: Plant) -> Any:
-    """The filter of a family; compiled when first called."""
+    """The compiled filter of a family."""
     name = plant.family.program or plant.family.kind
     if name not in _BOUND:
         own = {"step": plant.programs.step, "read": plant.programs.read}
@@ -143,13 +144,13 @@ def _program(plant: Plant) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class FilterPlan:
-    """What a filter needs to know of a vehicle, from a fit of its noises to a log.
+    """The settings of an online filter: a vehicle and its noises, from a fit to a log.
 
-    live: (n,), the states that it follows, among those of the family and its sensors.  shared: (n,), those that nobody
-    knows and that do not change.  first: (F,), where states begin that no channel tells; spread: (n,), how far off that
-    may be.  memory: samples after which what was read has lost its weight (Sorenson and Sacks 1971): without, a filter
-    without accelerations would go on by its model alone, whose least error adds up.
-    gains: (N, C) and whiten: (C, C), that a filter with steady gains holds; none yet where None.
+    live: (n,), the filtered states, among those of the family and its sensors.  shared: (n,), which of them are unknown
+    constants.  first: (F,), initial values of states that no channel measures; spread: (n,), their deviations.
+    memory: samples after which readings have lost their weight (Sorenson and Sacks 1971): without it, a filter without
+    accelerations would rely on its model alone, whose smallest error accumulates.
+    gains: (N, C) and whiten: (C, C), of a filter with steady gains; None if they are not known yet.
     """
 
     plant: Plant
@@ -169,11 +170,11 @@ class FilterPlan:
 
 
 class OnlineFilter:
-    """The filter with its state, at the sample that it has seen last.
+    """The filter with its state, at the latest sample.
 
-    Its gains are of the vehicle linearised where it is; where the plan has gains, these are held after its memory.
-    innovations: (C,), of unit variance, NaN where nothing was measured, by gains (N, C) and whiten (C, C).  x:
-    the full state, states: those of the family in it; inputs: as they were held before.
+    Its gains are those of the vehicle linearised at its state; if the plan has gains, these are held after its memory.
+    innovations: (C,), of unit variance, NaN where nothing was measured, by gains (N, C) and whiten (C, C).  x: the full
+    state, states: those of the family in it; inputs: the latest held ones.
     """
 
     def __init__(self, plan: FilterPlan):
@@ -203,13 +204,13 @@ class OnlineFilter:
 
     @staticmethod
     def _pushed(plan: FilterPlan) -> np.ndarray:
-        """Which of the live states accelerations push, (D,); the first one for what only misreads, and pushes none."""
+        """Indices of the live states that accelerations push, (D,); 0 for sensor errors, which push none."""
         return np.where(plan.kicks[:, 0] < 0.0, 0, np.searchsorted(plan.live, plan.kicks[:, 0].astype(int)))
 
     def begin(self, inputs: np.ndarray, measured: np.ndarray, keep: bool = False) -> None:
-        """Begin at a sample, by its outputs, with the actuators where the inputs put them.
+        """Start from the outputs of a sample, with the actuators where the inputs put them.
 
-        keep: whether states go on that nobody knows and that do not change, with how well they are known by now.
+        keep: whether unknown constant states keep their values and precision.
         """
         plan, plant, solid = self.plan, self.plan.plant, len(self.plan.live)
         known, states = plant.initial(measured), plan.first.copy()
@@ -228,10 +229,10 @@ class OnlineFilter:
         self._program(measured, False, True, *self._arrays)
 
     def step(self, inputs: np.ndarray, measured: np.ndarray, duration: float) -> bool:
-        """Go on by a sample of `duration` s in which inputs were held; measured: the outputs at its end.
+        """Step by one sample of `duration` s in which inputs were held; return whether its innovations count.
 
-        Whether its innovations count: those of the first settling time do not.  Where an input has moved that moves in
-        steps, the filter begins again, as a fit does.
+        measured: the outputs at its end.  Innovations within the first settling time do not count.  After a step of an
+        input that moves in steps, the filter starts again, as a fit does.
         """
         if self._since < 0.0 or (self._stepped and any(inputs[i] != self.inputs[i] for i in self._stepped)):
             self.begin(inputs, measured, keep=self._since >= 0.0)

@@ -1,4 +1,4 @@
-"""The parameters of a plant in a fit: the scales they are counted in, their bounds, and what is known beforehand."""
+"""The parameters of a plant in a fit: their scales, their bounds and their priors."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from auv_gym.plant import Plant
 from identification.deciding import REACH
 from identification.fit.work import Work
 
-# scales of a parameter, over which its slopes are taken: more about a corner, and more where it jumps, so that some of
-# the jumps differ; else so little that slopes are true to 1e-5, since what they are off by moves those estimates far
-# that act nearly alike, and rounding is still less
+# step, in scales, of a parameter's slopes: larger near a corner, and larger if the effect has jumps, so that some of
+# the jumps differ; else small enough for slopes to 1e-5, since their errors move estimates of nearly collinear
+# parameters far, and rounding errors are still smaller
 STEP, _STEP_ABOUT_CORNERS, _STEP_OVER_JUMPS = 1e-4, 0.1, 0.3
-# what comes last in their paths
+# last part of the path of effects with jumps
 _JUMPS = frozenset(["stiction"])
-# in probes, that are tried of what changes by jumps: two neighbours have nine jumps in ten in common
+# in probes, tried for effects with jumps: two neighbours share nine jumps in ten
 SIZES_OF_JUMPS = tuple(float(size) for size in np.geomspace(0.3, 9.0, 36))
 _KINKED = frozenset(["deadband", "backlash", "stiction", "dead_time", "delay", "lag", "slowness", "lost_travel"])
 
 
 class Vector(Protocol):
-    """A point of a search: it has a vector of all parameters, (n_parameters,)."""
+    """A point of a search, with a vector of all parameters, (n_parameters,)."""
 
     @property
     def vector(self) -> np.ndarray: ...
@@ -34,8 +34,7 @@ class Vector(Protocol):
 class Parameters:
     """A plant whose parameters are fitted.
 
-    doubt: standard deviation of the plant's own coefficients, relative, where they have none of their own
-    (`Plant.deviation`); fits hold them to their values by it.
+    doubt: relative prior standard deviation of the plant's own coefficients that state none (`Plant.deviation`).
     """
 
     def __init__(self, plant: Plant, doubt: float):
@@ -47,7 +46,7 @@ class Parameters:
         self._deviations: dict[str, float] = {}
 
     def scale(self, path: str) -> float:
-        """The change of a parameter that counts as one in the fit: as given, its probe, or a tenth of its value."""
+        """The unit of a parameter's change in the fit: as given, its probe, or a tenth of its value."""
         if path not in self.scales:
             spec, value = spec_at(self.plant, path), abs(value_at(self.plant, path))
             own = 0.1 * value if path in self.plant.coefficients else 0.0
@@ -61,9 +60,9 @@ class Parameters:
         return other
 
     def bounds(self, path: str) -> tuple[float, float]:
-        """The least and the most that a parameter may be; `REACH` deviations from given where it has one.
+        """The bounds of a parameter; at most `REACH` prior deviations from its given value, if it has a prior.
 
-        Drag of a vehicle that hovers stays drag, however little is known of it.
+        The drag of a hovering vehicle keeps its sign, however uncertain it is.
         """
         if path not in self._bounds:
             low, high = spec_at(self.plant, path).bounds
@@ -73,9 +72,9 @@ class Parameters:
         return self._bounds[path]
 
     def pulls(self, vector: np.ndarray, paths: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-        """How far the paths are from the given plant, in standard deviations of it, and 1 over those, in scales.
+        """Deviations of the paths from the given plant, in prior standard deviations, and 1 over those, in scales.
 
-        Shape (len(paths),) both; 0 where nothing is known of a path beforehand.
+        Shape (len(paths),) both; 0 for a path without a prior.
         """
         far = np.array([vector[self.index[p]] - self.plant.vector[self.index[p]] for p in paths]).reshape(len(paths))
         for path in paths:
@@ -99,9 +98,9 @@ class Parameters:
         return self.moved_vector(vector, paths, np.zeros(len(paths)))
 
     def at_edge(self, vector: np.ndarray, paths: Sequence[str], gradient: np.ndarray) -> list[int]:
-        """Numbers of the paths at a bound that a step would push them over: it leaves these alone.
+        """Indices of the paths at a bound that a step would push beyond it.
 
-        gradient: (len(paths),) or longer, the way that each would go.
+        gradient: (len(paths),) or longer, the direction of the step.
         """
         held = []
         for number, path in enumerate(paths):
@@ -116,15 +115,15 @@ class Parameters:
 
 
 def kinked(path: str) -> bool:
-    """Whether an effect works in one direction from its neutral value, with a corner there."""
+    """Whether an effect acts in one direction from its neutral value, with a corner there."""
     return path.rpartition(".")[2] in _KINKED
 
 
 def jumps(path: str) -> bool:
-    """Whether what an effect does changes by jumps with its size, so that no slope tells of another size."""
+    """Whether the result of an effect changes by jumps with its size, so that slopes say nothing of other sizes."""
     return path.rpartition(".")[2] in _JUMPS
 
 
 def moves_of(paths: Iterable[str]) -> list[tuple[str, float]]:
-    """Each path with the step, in its scales, over which its slopes are taken."""
+    """Each path with the step of its slopes, in its scales."""
     return [(p, _STEP_OVER_JUMPS if jumps(p) else _STEP_ABOUT_CORNERS if kinked(p) else STEP) for p in paths]

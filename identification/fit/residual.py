@@ -1,4 +1,4 @@
-"""What remains between a record and a model's free runs: its noise floor, and where it lives."""
+"""The residual between a record and a model's free runs: its noise floor, and what it correlates with."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from identification.fit.validation import FreeRuns
 def noise_floor(residual: np.ndarray, window: np.ndarray) -> float:
     """Standard deviation of the white part of a residual, from its second differences within windows.
 
-    A smooth misfit drops out of second differences; white noise of variance s^2 gives them 6 s^2.  Where no window
-    holds three values, as of a slow sensor, those across windows must do.
+    A smooth misfit drops out of second differences; white noise of variance s^2 gives them a variance of 6 s^2.  If no
+    window holds three values, as for a slow sensor, second differences across windows are used.
     """
     e = np.asarray(residual)
     same = (window[2:] == window[1:-1]) & (window[1:-1] == window[:-2])
@@ -28,13 +28,13 @@ def noise_floor(residual: np.ndarray, window: np.ndarray) -> float:
 
 
 def noise_floors(values: np.ndarray, window: np.ndarray, readings: np.ndarray | None) -> np.ndarray:
-    """The noise floor of each channel, (C,), by its readings alone, a mask of the values' shape, (rows, C)."""
+    """The noise floor of each channel, (C,), from its readings alone, a mask of the values' shape, (rows, C)."""
     held = np.ones(values.shape, dtype=bool) if readings is None else readings
     return np.array([noise_floor(v[h], window[h]) for v, h in zip(values.T, held.T, strict=True)])
 
 
 def resolution(values: np.ndarray) -> float:
-    """The step in which readings come, or 0 where no two in three of them repeat a value on a common grid.
+    """The step of the readings, or 0 if fewer than two in three of them repeat a value on a common grid.
 
     Steps as fine as a file's last digit give nearly as many values as readings and do not count.
     """
@@ -48,7 +48,7 @@ def resolution(values: np.ndarray) -> float:
 
 
 def residual_summary(runs: FreeRuns, record: Record) -> dict[str, dict[str, Any]]:
-    """Per channel: size, noise floor, resolution, colour, and the channels that the residual's rate goes with."""
+    """Per channel: size, noise floor, resolution, colour, and the channels that correlate with the residual's rate."""
     result, floors = {}, noise_floors(runs.residual, runs.window, runs.readings).tolist()
     for c, name in enumerate(runs.channels):
         held = runs.held(c)

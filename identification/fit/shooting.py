@@ -1,6 +1,6 @@
 """Free runs of a plant over windows of a record as a least-squares problem, and its solution.
 
-Multiple shooting: every window starts from states of its own, which are fitted with the parameters and eliminated by
+Multiple shooting: every window has initial states of its own, which are fitted with the parameters and eliminated by
 blocks, so the cost grows with the length of the record and not with the square of the number of windows.
 Source: Bock 1983, "Recent advances in parameter identification techniques for ODE"; Schittkowski 2002, ch. 3.
 """
@@ -23,20 +23,20 @@ from identification.fit.blocks import Blocks, block_step
 from identification.fit.first_readings import first_readings
 from identification.fit.parameters import Parameters
 
-_START_STEP = 1e-4  # of a start, for its slopes
-_START_PROBE = 1e-3  # change of a start by which is seen whether it matters
-FORGOTTEN = 0.05  # share of it that is left after a sample, below which a start is not fitted
+_START_STEP = 1e-4  # change of an initial state for its slopes
+_START_PROBE = 1e-3  # change of an initial state to test whether it matters
+FORGOTTEN = 0.05  # share of that change left after a sample, below which an initial state is not fitted
 PIECE = 6  # samples of the short runs from which shared states are first guessed
-TRIES, TIGHTER = 10, 8.0  # of a step, and how much more it is damped each time
-STALE_TRIES = 2  # of a step by slopes that were taken elsewhere
+TRIES, TIGHTER = 10, 8.0  # most tries of a step, and the factor of its damping each time
+STALE_TRIES = 2  # most tries of a step by slopes that were taken elsewhere
 FAR = 1e6  # a residual, rad or m, at which a run counts as diverged
 RESIDUAL_FLOOR = 1e-12  # keeps the logarithm of a perfect fit finite
-_ENOUGH = 1e-7  # gain in cost, of each reading, below which a fit ends
+_ENOUGH = 1e-7  # gain in cost for each reading below which a fit ends
 
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A parameter vector, the states at the windows' starts, and what they give.
+    """A parameter vector, the states at the windows' starts, and the resulting residuals and cost.
 
     vector: (n_parameters,).  starts: (W, n_states).  residual: (rows, C), NaN where nothing was measured.
     """
@@ -61,13 +61,13 @@ class Linearisation:
 
 
 class Shooting(Parameters):
-    """Measured outputs of a record in windows, and the runs of a plant that shall meet them.
+    """Measured outputs of a record in windows, and the runs of a plant that are fitted to them.
 
-    channels: the plant's outputs that the record holds.  measured: (rows, C), what the runs shall meet.  logged: what
-    the record holds, and signals: what moves with the vehicle; these three differ in attitudes that are seen in a
-    `Chart`, in which starts are then, too.  start_states: indices of the states that they reveal.
-    shared: index and unit of the states of which each segment has one value, the same in all its windows (`Family`).
-    segments: (W,), the number of the segment of each window among those that have one.
+    channels: the plant's outputs that the record holds.  measured: (rows, C), the target of the runs.  logged: the
+    record's values, and signals: the values that follow the vehicle's motion; these three differ for attitudes in a
+    `Chart`, which the starts then use, too.  start_states: indices of the states that the outputs reveal.
+    shared: index and unit of the states that have one value in each segment, the same in all its windows (`Family`).
+    segments: (W,), number of each window's segment, among the segments with windows.
     """
 
     def __init__(self, plant: Plant, record: Record, windows: Sequence[slice]):
@@ -106,20 +106,20 @@ class Shooting(Parameters):
     def first_guess(self) -> np.ndarray:
         """States at the windows' starts, shape (W, n_states).
 
-        Measured where they are measured; rates of measured signals from their first samples; shared states from runs
-        over a few samples, in which a wrong value does little; else zero.
+        Measured states are read off, rates of measured signals come from their first samples, shared states from runs
+        over a few samples, in which a wrong value has little effect, and the rest are zero.
         """
         return self._with_shared(first_readings(self), self.plant)
 
     @cached_property
     def _short(self) -> Shooting | None:
-        """The record in runs of a few samples, in which a wrong shared state does little; None if it is so cut."""
+        """The record in runs of a few samples, in which shared states have little effect; None if it is already."""
         if not self.shared or max(w.stop - w.start for w in self.windows) < 2 * PIECE:
             return None
         return Shooting(self.plant, self.record, [p for w in self.windows for p in _pieces(w)])
 
     def _with_shared(self, starts: np.ndarray, plant: Plant) -> np.ndarray:
-        """The starts with the shared states that suit short runs of a plant."""
+        """The starts with the shared states fitted to short runs of a plant."""
         if self._short is None:
             return starts
         found = self._short.solve(plant, ()).starts
@@ -130,11 +130,11 @@ class Shooting(Parameters):
         return starts
 
     def euler_starts(self, starts: np.ndarray) -> np.ndarray:
-        """The states of a point at the windows' starts as the plant itself takes them, (W, n_states)."""
+        """The states of a point at the windows' starts in the plant's own coordinates, (W, n_states)."""
         return self.chart.kept(starts, self.runs.begin)
 
     def point(self, vector: np.ndarray, starts: np.ndarray, paths: Sequence[str] = ()) -> Point:
-        """The residuals and the cost of one parameter vector with these starts; paths: those that are fitted."""
+        """The residuals and the cost of one parameter vector with these starts; paths: the fitted ones."""
         residual = self._residuals(vector[None], starts[None])[0]
         return Point(vector, starts, residual, self._cost(residual) + self._pull(vector, paths))
 
@@ -142,7 +142,7 @@ class Shooting(Parameters):
         return 0.5 * float((self.pulls(vector, paths)[0] ** 2).sum())
 
     def linearise(self, point: Point, paths: Sequence[str], sigma: np.ndarray) -> Linearisation:
-        """Sensitivities to the paths at a point, by differences of the family's first step, into the bounds."""
+        """Sensitivities to the paths at a point, by differences over the family's first step, within the bounds."""
         flat, start_columns = (values / sigma for values in self._slopes(point, paths, self.steps[0]))
         gram, cross, _ = self.blocks.normal(start_columns, flat, None)
         gain = np.linalg.solve(gram, cross)  # (W, F, P)
@@ -157,9 +157,9 @@ class Shooting(Parameters):
     def _equations(
         self, columns: np.ndarray, residual: np.ndarray, vector: np.ndarray, paths: Sequence[str]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Normal matrix (n, n) and gradient (n,) of columns (n, rows, C), with what is known of the paths beforehand.
+        """Normal matrix (n, n) and gradient (n,) of columns (n, rows, C), with the priors of the paths.
 
-        The paths' columns come first; of the others nothing is known.
+        The columns of the paths come first; the others have no prior.
         """
         flat = columns.reshape(len(columns), residual.size)
         normal, gradient = flat @ flat.T, flat @ residual.ravel()
@@ -172,7 +172,7 @@ class Shooting(Parameters):
     def _moved(
         self, vector: np.ndarray, starts: np.ndarray, paths: Sequence[str], step
     ) -> tuple[np.ndarray, np.ndarray]:
-        """A vector and starts moved by a step, within the bounds of the paths."""
+        """A vector and starts changed by a step, within the bounds of the paths."""
         (change, start_change), starts = step, starts.copy()
         vector = self.moved_vector(vector, paths, change[: len(paths)])
         starts[:, self.start_states] += start_change
@@ -185,14 +185,14 @@ class Shooting(Parameters):
     ) -> Point:
         """The point of least cost over the paths and the starts, from the plant's values; Levenberg-Marquardt.
 
-        guess: of the starts, by default what the readings say.
+        guess: of the starts, by default from the readings.
 
-        Slopes follow secants while steps succeed; where these stop gaining, the slopes are taken anew.
+        Slopes are updated by secants while steps succeed, and computed anew when steps stop gaining.
         The cost is the negative log-likelihood with one unknown variance per channel. Source: More 1978 (damping,
         bounds by projection), Nocedal and Wright 2006, ch. 10.
         """
         here = self.point(plant.vector, self.first_guess if guess is None else guess, paths)
-        if not paths and self._short is not None:  # far from the given plant its guess may be no start at all
+        if not paths and self._short is not None:  # far from the given plant, its guess may be useless
             other = self.point(plant.vector, self._with_shared(self.first_guess, plant), paths)
             here = min(here, other, key=lambda point: point.cost)
         damping, steps, slopes = 1e-3, list(self.steps if paths or self.shared else self.steps[:1]), None
@@ -235,7 +235,7 @@ class Shooting(Parameters):
 
     def _residuals(self, vectors: np.ndarray, starts: np.ndarray) -> np.ndarray:
         residual = self.measured - self._outputs(vectors, starts)[:, :, self.columns]
-        # An angle's residual is continuous in a window and starts within half a turn; beyond that it is not wrapped.
+        # An angle's residual starts within half a turn and is continuous in a window; it is not wrapped any further.
         turns = np.round(residual[:, self.offsets][:, :, self.angles] / (2.0 * np.pi))
         turns = np.where(np.isfinite(turns), turns, 0.0)
         if turns.any():
@@ -272,7 +272,7 @@ class Shooting(Parameters):
         return np.array([*own, *apart]).reshape(-1, *self.measured.shape), starts
 
     def _nudged(self, point: Point, what: str | int, step: float) -> tuple[np.ndarray, np.ndarray, float]:
-        """The vector and the starts with a path, or the state of a number, moved by a step, and the step with its sign.
+        """The vector and starts with a path, or the state of an index, changed by a step, and the step with its sign.
 
         A path's step is in its scales and points into its bounds; a shared state's is in its units.
         """
@@ -288,9 +288,10 @@ class Shooting(Parameters):
     def _secant(
         self, slopes: tuple[np.ndarray, np.ndarray], here: Point, there: Point, paths: Sequence[str]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The slopes as what was seen from one point to another corrects them, window by window.
+        """The slopes corrected by the observed change from one point to another, window by window.
 
-        What they missed is shared out by how much each move did.  Source: Broyden 1965, Mathematics of Computation 19.
+        The error of the predicted change is shared out by the size of each part.  Source: Broyden 1965, Mathematics of
+        Computation 19.
         """
         count, sigma = len(slopes[0]), self.sigma(there)
         every = np.concatenate(slopes)
@@ -315,7 +316,7 @@ class Shooting(Parameters):
 
     @cached_property
     def start_states(self) -> np.ndarray:
-        """Indices of the states whose start changes a measured output for longer than a sample; others stay guessed."""
+        """Indices of the states whose start affects a measured output for longer than a sample: the fitted ones."""
         starts, family = self.first_guess, self.plant.family
         names, left = family.states, set(family.shared) | family.resting(self.channels)
         states = [names.index(name) for name in names if name not in left]
@@ -331,9 +332,9 @@ class Shooting(Parameters):
         return bool(seen and not self._forgotten(state, change))
 
     def _forgotten(self, state: str, change: np.ndarray) -> bool:
-        """Whether a change of a state at the windows' starts is gone one sample later; known of states read out.
+        """Whether a change of a start is gone one sample later, for states that are outputs.
 
-        Fitting such a start would only take the first sample away, and let a fit wander to absurd values.
+        Fitting such a start would only use up the first sample, and let a fit wander to absurd values.
         """
         if state not in self.plant.outputs:
             return False
@@ -342,14 +343,14 @@ class Shooting(Parameters):
 
 
 def _pieces(window: slice) -> list[slice]:
-    """The window in runs of `PIECE` samples, the last one longer by what remains."""
+    """The window in runs of `PIECE` samples, the last one longer by the remainder."""
     count = max((window.stop - window.start) // PIECE, 1)
     edges = [window.start + PIECE * i for i in range(count)] + [window.stop]
     return [slice(a, b) for a, b in pairwise(edges)]
 
 
 def unknown_states(plant: Plant) -> dict[str, str]:
-    """The states of which each segment has a value of its own that nobody knows, with the effect that acts alike."""
+    """The states with an unknown value for each segment, with the effect that acts like them."""
     family = plant.family
     if family.shared_unless and value_at(plant, family.shared_unless) != 0.0:
         return {}

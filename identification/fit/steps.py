@@ -1,4 +1,4 @@
-"""The longest steps of integration that leave fits to a record as they are."""
+"""The longest integration steps that leave fits to a record unchanged."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.residual import noise_floors
 from identification.fit.shooting import Shooting
 
-# standard errors: a change d of what is predicted moves no parameter by more than |d / sigma| of them (Cauchy and
-# Schwarz), sigma being what a fit says of the errors, or before it what its first guess says
+# in standard errors: a change d of the predictions moves no parameter by more than |d / sigma| of them (Cauchy and
+# Schwarz), where sigma is the fit's estimate of the errors, or before a fit its first guess
 MOST_MOVED, _MOST_BEFORE = 0.1, 0.3
 _PARTS = (1, 2, 4, 8)  # of a sample
-_WORTH = 2.0  # times longer, from which on steps save more than it may cost to find out after a fit that they were not
+_WORTH = 2.0  # least factor for longer steps: shorter ones save less than a fit that has to be repeated costs
 
 
 def brisk(problem: PredictionErrors) -> PredictionErrors:
-    """The problem with the longest step, up to a sample, that hardly moves a filter; as it is if little is saved."""
+    """The problem with the longest step, up to a sample, that hardly moves a filter; unchanged if little is saved."""
     steps = [problem.record.sample_interval / parts for parts in _PARTS]
-    # samples are not apart to the last digit
+    # sample intervals are not equal to the last digit
     longer = [step for step in steps if step >= 0.99 * _WORTH * problem.plant.longest_step]
     if not longer:
         return problem
     point = problem.first_point()
-    if not problem.keeps_to_readings(point):  # a vehicle that leaves them goes where steps move it far
+    if not problem.keeps_to_readings(point):  # a vehicle far from its readings is sensitive to the steps
         faster = in_steps(problem, longer[-1])
         point = faster.renewed(faster.first_point(), faster.first_noise(), ())
     if not np.isfinite(point.scores).all():
@@ -40,11 +40,11 @@ def brisk(problem: PredictionErrors) -> PredictionErrors:
 
 
 def suited(given: PredictionErrors, problem: PredictionErrors, point: Point) -> PredictionErrors:
-    """A problem in the longest steps, of its own or shorter ones, that hardly move the filter of a point.
+    """A problem with the longest steps, its own or shorter ones, that hardly move the filter of a point.
 
-    given: the problem in the vehicle's own steps.  What a fit has found may be more precise than a first guess of its
-    noises tells: where hardly anything pushes the vehicle, its filter follows the model and not the readings, and the
-    error of each step stays in it.
+    given: the problem in the vehicle's own steps.  The result of a fit may be more precise than the first guess of its
+    noises suggests: if hardly anything pushes the vehicle, its filter follows the model and not the readings, and the
+    integration errors accumulate.
     """
     if problem.plant.longest_step <= given.plant.longest_step:
         return problem
@@ -55,14 +55,14 @@ def suited(given: PredictionErrors, problem: PredictionErrors, point: Point) -> 
 
 
 def in_steps(problem: PredictionErrors, longest: float) -> PredictionErrors:
-    """The problem with its plant integrated in steps of at most so many seconds."""
+    """The problem with its plant integrated in steps of at most `longest` seconds."""
     other = copy(problem)
     other.plant = replace(problem.plant, longest_step=longest)
     return other
 
 
 def moved_by_steps(one: PredictionErrors, other: PredictionErrors, point: Point) -> float:
-    """Standard errors by which a point may be off that was found with the steps of one problem and not of another."""
+    """A bound on the change of a point, in standard errors, from the steps of one problem to those of another."""
     errors = [problem.counted_errors(problem.with_gains(point, point.vector)) for problem in (one, other)]
     return float(np.linalg.norm(errors[0] - errors[1]))
 

@@ -1,4 +1,4 @@
-"""A record in stretches, as the filter goes through them: readings, what pushes the vehicle, and how it may begin."""
+"""A record in stretches for a filter: its readings, the noises that push the vehicle, and the initial states."""
 
 from __future__ import annotations
 
@@ -24,32 +24,32 @@ from identification.fit.shooting import Shooting, unknown_states
 from identification.fit.validation import head_windows
 
 _PROBE, _SMALL = 1e-4, 1e-6  # change of a state for its slopes, rad, m or m/s; of one in m^3
-_WIDE = 3.0  # deviations of a state over the record that it may be off by where a stretch begins
-_UNTOLD = (0.3, 0.05)  # of a state that no channel tells: share of its first guess, and the least, in SI units
-_TURNED = 1.0  # rad about each axis, that an attitude in a chart may be off by: more and it is none of this record's
-_SHARED = 100.0  # scales by which a state that nobody knows may be off
-_SLOW = 10.0  # s, in which an acceleration would make the velocities of the record; where a search for noises begins
-_FEW_SENSORS = 2  # of a vehicle, up to which the filter follows how far their readings lag behind
-# correlation time of what pushes a vehicle, s, and deviation of its logarithm: from swell, some seconds, to turbulence
+_WIDE = 3.0  # initial deviation of a state, over its standard deviation in the record
+_UNTOLD = (0.3, 0.05)  # initial deviation of an unmeasured state: share of its first guess, and the least, in SI units
+_TURNED = 1.0  # rad about each axis, initial deviation of an attitude in a chart
+_SHARED = 100.0  # initial deviation of an unknown constant state, in its scales
+_SLOW = 10.0  # s, in which a unit acceleration reaches the record's velocities; where a search for noises begins
+_FEW_SENSORS = 2  # most sensors of a vehicle for which the filter estimates the lag errors of the readings
+# correlation time of random accelerations, s, and deviation of its logarithm: from swell, some seconds, to turbulence
 # and changing currents, minutes
 _USUAL_TIME = (25.0, 1.0)
-_ROWS_IN_A_WAVE = 8  # least rows in a period, that a wave can be told from shorter noises
-_OF_READINGS = 10.0  # what errors of readings that last are counted in, of their channel's noise
+_ROWS_IN_A_WAVE = 8  # least rows in a period of a wave, to tell it from shorter noises
+_OF_READINGS = 10.0  # unit of lasting sensor errors, over the noise of their channel
 
 
 class Stretches(Parameters):
     """Measured outputs of a record over stretches, and the runs of a plant from one row to the next.
 
-    windows: neighbouring ones are one stretch, which the filter goes through; of vehicles with `stepped` inputs each is
-    a stretch.  A channel whose readings are all the same is taken as not measured.  Where the attitude turns far, its
-    states and readings are rotation vectors, see `auv_gym.plant.Chart`.
-    States that nothing tells (`Family.resting`) are not pushed, and only those that commands move (`Family.driven`) are
-    followed: what a change of another state does through the rest is missing in the linearised filter.
+    windows: adjacent ones are joined to one stretch, except for vehicles with `stepped` inputs.  A channel whose
+    readings are all the same counts as not measured.  For large changes of attitude, its states and readings are
+    rotation vectors, see `auv_gym.plant.Chart`.
+    States that no channel reveals (`Family.resting`) are not pushed, and only those that commands move
+    (`Family.driven`) are followed; the linearised filter leaves out the effects of other states through these.
     process: whether accelerations may push the vehicle; without, each window starts anew, as a free run.
     stride: samples to a row, over which readings, and the model's outputs, are averaged.
     counted: windows whose rows count in the likelihood, by default all; the others are only filtered.
-    doubt: standard deviation of the plant's own coefficients, relative, where they have none of their own.
-    guess: states in which stretches begin, (W, n_states), by default those of free runs over their heads.
+    doubt: see `Parameters`.  guess: initial states, (W, n_states), by default those of free runs over the first
+    seconds.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Stretches(Parameters):
         windows = sorted(windows, key=lambda w: w.start)
         stretches = _joined(windows, record) if process and not family.stepped else list(windows)
         every, self.chart = outputs_of(plant, record), Chart.along(family, record)
-        stride = 1 if self.chart.on else stride  # there is a chart for each sample
+        stride = 1 if self.chart.on else stride  # a chart refers to single samples
         means = Averages.of(record, plant.outputs, every, stretches, stride)
         self.stride, self.stretches, self.rows = stride, list(means.stretches), means.rows
         self.runs = Runs.over(plant, record, self.stretches, self.chart, stride, means.shares)
@@ -90,7 +90,7 @@ class Stretches(Parameters):
         self.offsets = np.r_[0, np.cumsum(lengths)[:-1]].astype(int)
         self.signals = self.chart.signals(plant.outputs, means.values, self.rows)[:, self.columns]
         self.every, self._away = self.chart.readings(plant.outputs, means.values), means.away
-        # row by row in memory, as compiled code has them: picking columns turns them, and that is compiled for itself
+        # contiguous by rows, as compiled code expects: another memory layout would trigger another compilation
         picked = (values[:, self.columns] for values in (self.every, means.counts))
         self.measured, self.counts = map(np.ascontiguousarray, picked)
         self.finite = np.isfinite(self.measured)
@@ -110,14 +110,14 @@ class Stretches(Parameters):
         time, stride = self.record.time, self.stride
         ahead = np.minimum(self.rows + stride, time.size - 1)
         durations = time[ahead] - time[self.rows]
-        if stride > 1:  # no row follows the last one of a segment
+        if stride > 1:  # the last row of a segment has no successor
             ends = self.runs.first[ahead] != self.runs.first[self.rows]
             ends |= self.rows + stride >= time.size
             durations[ends] = stride * (time[self.rows + 1] - time[self.rows])[ends]
         return np.where(durations > 0.0, durations, self.plant.dt)
 
     def _kicks(self) -> None:
-        """Which states accelerations push: velocities, or where there are none that count, what moves by itself."""
+        """Choose the states that accelerations push: velocities, and measured north and east positions."""
         family = self.plant.family
         resting = family.resting(self.channels)
         names = [n for n in family.states if _is_velocity(n) and n not in resting]
@@ -129,7 +129,7 @@ class Stretches(Parameters):
         self.kicks = np.array([[i, 0.5, 0.5, 0.0] for i in self._pushed]).reshape(-1, 4)
 
     def _begin(self, readings: np.ndarray, samples: np.ndarray, guess: np.ndarray | None) -> None:
-        """Guess and spread of the states at the stretches' starts, the path along which all begins, and the scales.
+        """Set guess and spread of the initial states, the path of the first linearisation, and the scales.
 
         readings: (n, C), of all samples of the stretches.
         """
@@ -184,11 +184,11 @@ class Stretches(Parameters):
         self.slowness = (centre, deviation, np.log(0.5 * step))
 
     def with_noises(self, velocities: Sequence[int], readings: Sequence[int], period: float) -> Self:
-        """The same with more noises: accelerations of a swell, and errors of readings that last.
+        """The problem with more noises: accelerations of a swell, and lasting sensor errors.
 
-        velocities: the accelerations beside which those of a swell may push.  readings: the channels, by number, whose
-        errors may last.  period: s; both then come in pairs, see `identification.fit.kalman`, of which the second one
-        does nothing by itself, and has the noises of the first.  0: errors of readings that merely fade.
+        velocities: the accelerations to which those of a swell are added.  readings: the channels, by index, whose
+        errors may last.  period: s; both kinds then come in pairs, see `identification.fit.kalman`; the second of a
+        pair has no effect of its own and shares the noises of the first.  With period 0, sensor errors merely decay.
         """
         other, before, copies = copy(self), len(self.pushed), 2 if period else 1
         states = [*self._pushed[list(velocities)], *[self.live[0]] * len(readings)]
@@ -208,13 +208,13 @@ class Stretches(Parameters):
         none = np.zeros((len(self.first_path), len(added)))
         other.starts = np.hstack([self.starts, none[: len(self.starts)]])
         other.first_path = np.hstack([self.first_path, none])
-        for name in ("_first_system", "_kept"):  # of fewer noises
+        for name in ("_first_system", "_kept"):  # these are for fewer noises
             other.__dict__.pop(name, None)
         other._added = (*self._added, (velocities, readings, period))
         return other
 
     def in_rows_of(self, stride: int) -> Self:
-        """The same with so many samples to a row, and with the noises that were added."""
+        """The problem with `stride` samples to a row, and with the noises that were added."""
         other = type(self)(
             self.plant,
             self.record,
@@ -231,12 +231,12 @@ class Stretches(Parameters):
 
     @property
     def velocities(self) -> list[int]:
-        """Which accelerations push velocities, and fade."""
+        """Indices of the accelerations that push velocities, without those of `with_noises`."""
         return [d for d in np.flatnonzero(~self.further).tolist() if _is_velocity(self.pushed[d])]
 
     @property
     def further(self) -> np.ndarray:
-        """Which noises `with_noises` has added, (D,): those of a swell, and errors of readings that last."""
+        """Which noises `with_noises` has added, (D,): those of a swell, and lasting sensor errors."""
         return self.swells | self.misread
 
     @property
@@ -246,7 +246,7 @@ class Stretches(Parameters):
 
     @cached_property
     def periods_of_internal_waves(self) -> list[float]:
-        """Periods, s, of which one is near that of any internal wave that a stretch can show."""
+        """Periods, s, spaced so that one is near that of any internal wave that a stretch can show."""
         whole = max(float(self.durations[self.stretch_of_row == w].sum()) for w in range(len(self.stretches)))
         least = max(SHORTEST_INTERNAL_WAVE, _ROWS_IN_A_WAVE * float(np.median(self.durations)))
         most = min(LONGEST_INTERNAL_WAVE, 0.5 * whole)
@@ -255,17 +255,17 @@ class Stretches(Parameters):
 
     @property
     def usual_times(self) -> np.ndarray:
-        """Logarithms of correlation times that are usual, (D,): those of waves stay in phase for two periods."""
+        """Logarithms of usual correlation times, (D,); waves stay in phase for two periods."""
         return np.maximum(self.slowness[0], np.log(np.maximum(2.0 * self.periods, 1e-9)))
 
     @property
     def slowest(self) -> np.ndarray:
-        """Logarithms of the longest correlation times, (D,): what lasts longer is an effect."""
+        """Logarithms of the longest correlation times, (D,); anything slower is an effect."""
         return self.usual_times + 2.0 * self.slowness[1]
 
     @property
     def misread(self) -> np.ndarray:
-        """Which noises are errors of readings that last, and push nothing, (D,)."""
+        """Which noises are lasting sensor errors, which push nothing, (D,)."""
         return self.kicks[self.leads, 0] < 0.0
 
     @property
@@ -274,7 +274,7 @@ class Stretches(Parameters):
         return self.leads == np.arange(len(self.leads))
 
     def _units(self, spread: np.ndarray) -> np.ndarray:
-        """What accelerations are counted in: as change what they push in `_SLOW`; of drifts, the speed of a place."""
+        """Units of accelerations: the pushed state's spread over `_SLOW`; for positions and angles, a speed."""
         units = spread[self._pushed] / _SLOW
         within = np.diff(self.stretch_of_row) == 0
         for d, (name, i) in enumerate(zip(self.pushed, self._pushed, strict=True)):
@@ -286,14 +286,14 @@ class Stretches(Parameters):
         return units
 
     def _push_what_lasts(self, lasting: set[int]) -> None:
-        """Put a place in the place of a velocity of which nothing is left after a sample, as in quasi-steady motion."""
+        """Push a position or angle instead of its rate, if the rate has no memory, as in quasi-steady motion."""
         names = self.plant.family.states
         told = [n if i in lasting else RATES.get(n, n) for n, i in zip(self.pushed, self._pushed, strict=True)]
         self.pushed, self._pushed = tuple(told), np.array([names.index(n) for n in told], dtype=int)
         self.kicks[:, 0] = self._pushed
 
     def _told(self, name: str) -> np.ndarray | None:
-        """What readings, or the commands, say of a state at every row, or None."""
+        """The values of a state at every row according to the readings or the commands, or None."""
         if name in self.driven:
             return self.driven[name][self.rows]
         family, time = self.plant.family, self.record.time[self.rows]
@@ -320,10 +320,10 @@ class Stretches(Parameters):
         return rate
 
     def _balance_kicks(self, path: np.ndarray) -> None:
-        """Shares of an acceleration before and after a sample, with which one that is held over it acts as it should.
+        """Set the shares of an acceleration before and after a sample so that they act like one held over the sample.
 
-        A velocity that decays to a share f of itself moves by (f - 1) / ln f of what the acceleration alone would do,
-        and what it moves by 1/(1 - f) + 1/ln f of what a whole push at the beginning would.
+        A velocity that decays to a share f of itself changes by (f - 1) / ln f of the change by the acceleration alone,
+        and its integral by 1/(1 - f) + 1/ln f of that of a full push at the beginning.
         """
         if not len(self._pushed):
             return
@@ -336,17 +336,17 @@ class Stretches(Parameters):
 
     @property
     def _moving(self) -> np.ndarray:
-        """Where the live states and the accelerations, which a filter follows, are among all states, (N,)."""
+        """Indices of the filtered quantities, live states and accelerations, among all states, (N,)."""
         return np.r_[self.live, self._size + np.arange(len(self.pushed))]
 
     @property
     def averaged(self) -> float:
-        """Seconds over which readings are averaged; 0 where each is read by itself."""
+        """Seconds over which readings are averaged; 0 if they are not averaged."""
         return self.stride * self.record.sample_interval if self.stride > 1 else 0.0
 
     @property
     def shared_values(self) -> tuple[str, ...]:
-        """States that nobody knows, once for each segment."""
+        """The unknown states that are constant within each segment."""
         return tuple(n for n, shared in zip(self.plant.family.states, self._shared, strict=True) if shared)
 
     def within(self, windows: Sequence[slice]) -> np.ndarray:
@@ -358,11 +358,11 @@ class Stretches(Parameters):
 
     @property
     def count(self) -> int:
-        """How many values are counted."""
+        """Number of values that count in the likelihood."""
         return int((self.finite * self.counted[:, None]).sum())
 
     def _one_by_one(self) -> Correction:
-        """Runs of each row alone, which nothing corrects, and in which accelerations stay as they are."""
+        """Runs of each row alone, without correction and with constant accelerations."""
         rows, nothing = len(self.rows), np.empty(0, dtype=np.int64)
         corrected = (self.every, np.empty((0, 0, 0)), nothing, nothing)
         return Correction(*corrected, self.kicks, np.ones((rows, len(self.kicks))), np.zeros(rows, bool), self._shared)
@@ -370,8 +370,8 @@ class Stretches(Parameters):
     def _slopes(self, vector: np.ndarray, path: np.ndarray, live: np.ndarray, moved: np.ndarray | None = None):
         """Slopes of the next row's live states (rows, n, m) and of the channels (rows, C, m), outputs and next states.
 
-        By what is moved, (m,), of states, sensors and accelerations, by default the live states; from the states of a
-        path, (rows, F), one row on.
+        moved: (m,), indices of the states, sensors and accelerations to differentiate by, by default the live states;
+        the runs are over one row, from the states of a path, (rows, F).
         """
         moved = live if moved is None else moved
         probes = self._probes(moved)
@@ -381,13 +381,13 @@ class Stretches(Parameters):
         vectors = np.repeat(vector[None], len(starts), axis=0)
         self.work.add(len(vectors) * len(self.rows) * self.stride)
         y, after = self.plant.follow_many(self._by_row, vectors, starts, self._one_by_one(), True)
-        with np.errstate(over="ignore", invalid="ignore"):  # of one that runs away
+        with np.errstate(over="ignore", invalid="ignore"):  # a run may diverge
             a = ((after[1:] - after[0])[:, :, live] / probes[:, None, None]).transpose(1, 2, 0)
             c = ((y[1:] - y[0])[:, :, self.columns] / probes[:, None, None]).transpose(1, 2, 0)
         return a, c, y[0][:, self.columns], after[0]
 
     def _probes(self, moved: np.ndarray) -> np.ndarray:
-        """By how much states are moved for their slopes, and accelerations so that they move a state by as much."""
+        """Changes of states for their slopes, and of accelerations that change a state by as much in a row."""
         family, row = self.plant.family, float(np.median(self.durations))
         names = (*family.states, *family.sensors, *self.pushed)
         sizes = [_SMALL if names[i].endswith("m3") else _PROBE for i in moved]
@@ -395,7 +395,7 @@ class Stretches(Parameters):
 
 
 def _is_velocity(name: str) -> bool:
-    """Whether a state is a velocity, of turning too."""
+    """Whether a state is a velocity or an angular rate."""
     return name.endswith(("mps", "radps"))
 
 
@@ -406,7 +406,7 @@ def _varies(readings: np.ndarray) -> bool:
 
 
 def _joined(windows: Sequence[slice], record: Record) -> list[slice]:
-    """Neighbouring windows of a segment as one."""
+    """The windows, with adjacent ones of a segment joined."""
     begins = {s.start for s in record.segments}
     found: list[slice] = []
     for w in windows:
@@ -418,7 +418,7 @@ def _joined(windows: Sequence[slice], record: Record) -> list[slice]:
 
 
 def _seen(a: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Which states reach a channel, by themselves or through others: numbers of them."""
+    """Indices of the states that affect a channel, directly or through others."""
     links = np.abs(a).max(axis=0) > 1e-12
     seen = np.abs(c).max(axis=(0, 1)) > 1e-9
     while True:

@@ -1,4 +1,4 @@
-"""Over how many samples the readings of a dense record may be averaged at nearly no loss of what they tell."""
+"""The number of samples over which readings of a dense record may be averaged with hardly any loss of information."""
 
 from __future__ import annotations
 
@@ -15,23 +15,24 @@ from identification.fit.intervals import FirstOrder, first_order
 from identification.fit.parameters import STEP, kinked
 from identification.fit.prediction_errors import PredictionErrors
 
-# of a fitted parameter's variance, whose standard error grows by an eighth at most, and of that of an effect that is
-# sought, by less than a quarter: one that is just seen must then be so much larger, and a search takes half the time
+# largest relative growth of the variance of a fitted parameter, whose standard error grows by an eighth at most, and of
+# that of a candidate effect, by less than a quarter: the least visible effect grows by as much; a search is twice as
+# fast
 MOST_LOST, MOST_OF_EFFECTS = 0.25, 0.5
-# the same for an effect whose probe, the least change that is worth finding, is so many standard errors: evidence of
+# the same for an effect whose probe, the least change worth finding, is `_PLAIN` standard errors: evidence of
 # a hundred, five times the bar of a hundred candidates
 _MOST_OF_PLAIN, _PLAIN = 1.0, 10.0
-# of a record, however dense: colour is judged by them; of vehicles with few states, whose fits are soon done, and with
-# many, where a filter takes ten times as long for a row
+# least rows of a record, needed to judge whiteness; for vehicles with few states, whose fits are fast, and with
+# many states, whose filter takes ten times as long for a row
 LEAST_ROWS, _LEAST_OF_MANY, _MANY_STATES = 1500, 500, 8
-MOST_ROWS = 3000  # of a record, whatever longer ones lose: a filter takes as long as it has rows
-_LEAST_OF_WINDOW = 8  # rows
+MOST_ROWS = 3000  # most rows of a record, whatever the loss: a filter's time is proportional to its rows
+_LEAST_OF_WINDOW = 8  # least rows of a window
 _STRIDES, _REFERENCE = (20, 15, 10, 7, 5, 4, 3), 2
-_JUDGED, _PIECES = 1500, 6  # samples by which strides are judged, and the pieces of a longer record that they are in
-_ABOUT_CORNERS = 1.0  # scales over which slopes are taken where an effect has a corner: a smaller one does nothing
-_SEEN = 1e-4  # share of a parameter's slopes that must remain beside the others' for it to count
-_NOTHING = 1e-12  # of squared slopes, below which they are rounding
-MOST_MISLED = 0.5  # standard errors by which averages may mislead a fit
+_JUDGED, _PIECES = 1500, 6  # samples by which strides are judged, and the number of pieces for longer records
+_ABOUT_CORNERS = 1.0  # step, in scales, for slopes of an effect with a corner: a smaller effect changes nothing
+_SEEN = 1e-4  # share of a parameter's slopes that must remain with the others' projected out for it to count
+_NOTHING = 1e-12  # squared slopes below this are rounding error
+MOST_MISLED = 0.5  # largest bias of a fit by averaging, in standard errors
 
 
 def stride_for(
@@ -46,22 +47,20 @@ def stride_for(
 ) -> int:
     """The most samples to a row at which no parameter's variance grows by more than `MOST_LOST` or `MOST_OF_EFFECTS`.
 
-    By more only where a record is so long that it shows an effect all the same, or of more rows than `MOST_ROWS`, which
-    no fit would come to the end of.
-
-    fitted: paths that are fitted together.  others: each beside these.
-    Judged by filters with the noises of a fit's first guess: where these take accelerations for stronger than they are,
-    more of what a record tells is quick, and rows are shorter.  Variances are compared with those of rows of two
-    samples, since filters along single readings are poor ones before a fit.  What these lose themselves is added: as
-    much for each sample as longer rows lose, which is more than a smooth signature does.  Rows are also so short that
-    the filter of the vehicle as it is, which may be far from its record, keeps to its linearisation within them.
+    More is lost only if a record is so long that it shows an effect anyway, or has more than `MOST_ROWS` rows, which
+    would take too long.  fitted: paths that are fitted together.  others: each beside these.
+    Strides are judged by filters with the noises of a fit's first guess: if these overestimate accelerations, more of
+    the information is in fast changes, and rows are shorter.  Variances are compared with those of rows of two samples,
+    since filters along single readings are poor before a fit.  The loss of these two samples is added: as much for each
+    sample as longer rows lose, which is more than for a smooth signature.  Rows are also short enough for the filter of
+    the given vehicle, which may be far from its record, to stay near its linearisation.
     """
     samples = sum(w.stop - w.start for w in windows)
     shortest = min(w.stop - w.start for w in windows)
     rows = LEAST_ROWS if len(plant.family.states) < _MANY_STATES else _LEAST_OF_MANY
     most = min(samples // rows, shortest // _LEAST_OF_WINDOW)
     tried = [s for s in _STRIDES if s <= most]
-    if not tried or not (fitted or others) or Chart.along(plant.family, record).on:  # a chart is of each sample
+    if not tried or not (fitted or others) or Chart.along(plant.family, record).on:  # a chart refers to single samples
         return 1
     least = _least(samples, tried)
     tried = [s for s in tried if s > least]
@@ -92,14 +91,14 @@ def stride_for(
 
 
 def in_suited_rows(problem: PredictionErrors, point: Point, paths: Sequence[str]) -> PredictionErrors:
-    """The problem in the longest rows, of its own or half as long and so on, that do not mislead the fit of a point.
+    """The problem in the longest rows, its own or half as long and so on, that do not bias the fit of a point.
 
-    A controller knows each reading at once.  Where its commands answer readings of the row that they are in, they tell
-    of the vehicle what the filter, which has seen none of that row, does not know, and the errors of prediction are no
-    longer independent of them: a fit is then biased (Forssell and Ljung 1999), the more the longer the rows are.
-    Rows of single readings, or the shortest that a long record allows, must lead to the same parameters but for what
-    longer ones lose of what readings tell (Hausman 1978, Econometrica 46).
-    Rows mislead if they surely move a parameter by more than `MOST_MISLED` standard errors.
+    A controller reacts to each reading at once.  If its commands answer readings of their own row, they carry
+    information that the filter does not have yet, and the prediction errors are no longer independent of them: the fit
+    is biased (Forssell and Ljung 1999), the more the longer the rows are.
+    Rows of single readings, or the shortest that a long record allows, must lead to the same parameters, up to the
+    information that longer rows lose (Hausman 1978, Econometrica 46).  Rows mislead if they surely move a parameter by
+    more than `MOST_MISLED` standard errors.
     """
     finest = in_shortest_rows(problem) if paths else problem
     known = None if finest is problem else _next_step(finest, point, paths)
@@ -121,7 +120,7 @@ def cannot_be_shorter(problem: PredictionErrors) -> bool:
 
 
 def _misled(told: FirstOrder | None, known: FirstOrder | None) -> bool:
-    """Whether a step of a fit leads elsewhere than that of shorter rows, see `_next_step`; not where there is none."""
+    """Whether a step of a fit differs from that of shorter rows, see `_next_step`; False if either is None."""
     if told is None or known is None:
         return False
     chance = np.sqrt(np.maximum(told.variances - known.variances, 0.0))
@@ -129,9 +128,9 @@ def _misled(told: FirstOrder | None, known: FirstOrder | None) -> bool:
 
 
 def _next_step(problem: PredictionErrors, point: Point, paths: Sequence[str]) -> FirstOrder | None:
-    """By how much a point's paths would move in a step of a fit, the noises held, and their variances.
+    """The next step of a fit in a point's paths, with the noises held, and the variances.
 
-    point: perhaps of other rows.  None where it has noises that the problem has not, or the filter runs away.
+    point: possibly of other rows.  None if it has other noises than the problem, or the filter diverges.
     """
     if point.logs.size != len(problem.channels) + 2 * len(problem.pushed):
         return None
@@ -142,7 +141,7 @@ def _next_step(problem: PredictionErrors, point: Point, paths: Sequence[str]) ->
 
 
 def _least(samples: int, tried: Sequence[int]) -> int:
-    """The shortest stride of some with which a record has no more than `MOST_ROWS`, as far as there is one."""
+    """The shortest of some strides at which a record has at most `MOST_ROWS` rows; the first if none is long enough."""
     if samples <= MOST_ROWS * _REFERENCE:
         return 1
     return min((s for s in tried if s * MOST_ROWS >= samples), default=tried[0])
@@ -154,7 +153,7 @@ def _least_of(problem: PredictionErrors) -> int:
 
 
 def _longest(strides: Sequence[int], suits: Callable[[int], bool], least: int) -> int:
-    """The longest of strides, shortest first, that suits, by bisection: those that are longer suit no better."""
+    """The longest suitable stride, by bisection of strides in ascending order; longer ones suit no better."""
     low, high = 0, len(strides)
     while low < high:
         middle = (low + high) // 2
@@ -163,7 +162,7 @@ def _longest(strides: Sequence[int], suits: Callable[[int], bool], least: int) -
 
 
 def _spread_out(windows: Sequence[slice], samples: int) -> list[slice]:
-    """The windows, of many samples only pieces that are spread evenly over them."""
+    """The windows, or if they have too many samples, pieces that are spread evenly over them."""
     if samples <= _JUDGED:
         return list(windows)
     size, found = _JUDGED // _PIECES, []
@@ -180,9 +179,9 @@ def _spread_out(windows: Sequence[slice], samples: int) -> list[slice]:
 
 
 def _variances(problem: PredictionErrors, point: Point, fitted: Sequence[str], others: Sequence[str]) -> np.ndarray:
-    """Variances of the paths, in squared scales, noises known; zero of those that the record cannot tell.
+    """Variances of the paths, in squared scales, noises known; zero if the record does not determine them.
 
-    (fitted and others,): each of the first with all of them fitted, of the others one at a time.
+    (fitted and others,): the first all fitted together, the others one at a time beside them.
     """
     paths = [*fitted, *others]
     moves = [(p, _ABOUT_CORNERS if kinked(p) else STEP) for p in paths]

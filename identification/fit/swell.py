@@ -1,7 +1,7 @@
-"""The period of a swell: errors of prediction have a peak in their spectrum there, which those of gusts have not.
+"""The period of a swell, from a peak in the spectrum of prediction errors, which gusts do not cause.
 
-Accelerations that merely fade have most power at low frequencies, whatever their correlation time, and no filter with
-them alone can be right in waves: its errors keep their period, and coefficients that imitate a resonance pay for it.
+Decaying accelerations have most power at low frequencies, whatever their correlation time, so a filter with them alone
+is wrong in waves: its errors stay periodic, and coefficients that imitate a resonance are biased.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from identification.deciding import FALSE_ALARM, LONGEST_SWELL
 from identification.fit.followed import Point
 from identification.fit.prediction_errors import PredictionErrors
 
-_ROWS = 4  # the shortest period that is sought
-_WIDTH = 1.15  # ratio of neighbouring frequencies; a band goes from one below to one above
-_BELOW, _ABOVE = (0.5, 0.35, 0.25), (2.0, 2.8)  # of its frequency: bands that a peak stands out from
-_LEAST = 4  # frequencies in a band
+_ROWS = 4  # shortest period of the search, in rows
+_WIDTH = 1.15  # ratio of neighbouring frequencies; a band extends from the one below to the one above
+_BELOW, _ABOVE = (0.5, 0.35, 0.25), (2.0, 2.8)  # over a peak's frequency: the bands that it is compared with
+_LEAST = 4  # least number of frequencies in a band
 
 
 def period_of_swell(problem: PredictionErrors, point: Point) -> float | None:
-    """The period, s, at which the errors of a point have a peak that those of noise have not, None without one.
+    """The period, s, of a significant spectral peak in the errors of a point, None without one.
 
     The power in a narrow band is compared with that of bands beside it, on either side the weakest, since a sea may
-    have more than one peak: white errors make all equal (Fisher's F).  The most certain of all bands counts, its chance
-    times the number of comparisons.
+    have more than one peak; white errors make all equal (Fisher's F).  The most significant of all bands counts, its
+    probability multiplied by the number of comparisons.
     """
     if point.system is None or not np.isfinite(point.scores).all():
         return None
@@ -39,7 +39,7 @@ def period_of_swell(problem: PredictionErrors, point: Point) -> float | None:
     def band(middle: float) -> np.ndarray:
         return (frequencies > middle / _WIDTH) & (frequencies < middle * _WIDTH)
 
-    read = float(problem.finite.mean(axis=0).sum())  # channels, those that are read rarely in part
+    read = float(problem.finite.mean(axis=0).sum())  # number of channels, with rarely read ones in part
     best, least = None, FALSE_ALARM / max(len(middles) * len(_BELOW + _ABOVE), 1)
     for middle in middles:
         own = band(middle)
@@ -58,7 +58,7 @@ def period_of_swell(problem: PredictionErrors, point: Point) -> float | None:
 
 
 def _spectrum(problem: PredictionErrors, point: Point, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies, Hz, and powers of the errors there, summed over the channels, of all stretches, (n,) both."""
+    """Frequencies, Hz, and powers of the errors, summed over the channels, of all stretches, (n,) both."""
     errors, found = point.errors * problem.counted[:, None], []
     for w in range(len(problem.stretches)):
         own = errors[problem.stretch_of_row == w]
@@ -70,8 +70,8 @@ def _spectrum(problem: PredictionErrors, point: Point, step: float) -> tuple[np.
 
 
 def _chance(powers: np.ndarray, others: np.ndarray, channels: float) -> float:
-    """The probability that powers of white errors are so much larger than others.
+    """The probability that white errors show powers so much larger than others.
 
-    Each has two degrees of freedom for each of the channels that it is a sum over.
+    Each power has two degrees of freedom for each of the channels in its sum.
     """
     return float(fisher.sf(powers.mean() / others.mean(), 2 * channels * powers.size, 2 * channels * others.size))

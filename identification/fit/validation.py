@@ -1,4 +1,4 @@
-"""How well a model agrees with a record: free runs, scores per channel, and tests of what remains."""
+"""Agreement of a model with a record: free runs, scores per channel, and tests of the residuals."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ class FreeRuns:
     """Free runs over windows: rows of the record, model outputs and residuals, by channel (rows, C).
 
     scored: rows past the samples to which the initial states were fitted.  readings: (rows, C), see `Record.readings`;
-    None if all are.  signals: (rows, C), where the attitude turns far (`auv_gym.plant.Chart`), what was measured as
-    turns about the body axes: the residuals of roll, pitch and heading are then the turns from the model's attitude
-    to the measured one, about the level axes ahead and to starboard and the vertical; else None.  The model's angles
-    stay angles.
+    None if all are.  signals: (rows, C), measured rotations about the body axes if the attitude turns far
+    (`auv_gym.plant.Chart`), else None: the residuals of roll, pitch and heading are then the rotations from the model's
+    attitude to the measured one, about the level axes ahead and to starboard and the vertical.  The model's angles stay
+    angles.
     """
 
     channels: tuple[str, ...]
@@ -56,12 +56,12 @@ class FreeRuns:
     signals: np.ndarray | None = None
 
     def label(self, name: str) -> str:
-        """Words for what the residual of a channel is an error of."""
+        """A description of the error that the residual of a channel is."""
         turned = self.signals is not None and name in ANGLES
         return _TURNS[ANGLES.index(name)] if turned else channel(name).label
 
     def held(self, number: int) -> np.ndarray:
-        """Which rows hold a reading of a channel, (rows,): values between readings err less than readings do."""
+        """Which rows hold a reading of a channel, (rows,); values between readings have smaller errors."""
         read = np.isfinite(self.residual[:, number])
         return read if self.readings is None else read & self.readings[:, number]
 
@@ -70,7 +70,7 @@ class FreeRuns:
         return self.residual[self.scored & self.held(number), number]
 
     def white(self, number: int) -> Whiteness:
-        """How white the residual of a channel is at its readings."""
+        """The whiteness of a channel's residual at its readings."""
         held = self.held(number)
         return whiteness(self.residual[held, number], self.window[held])
 
@@ -96,7 +96,7 @@ def free_runs(plant: Plant, record: Record, windows: Sequence[slice], settle: fl
 
 
 def joined_runs(parts: Sequence[FreeRuns]) -> FreeRuns:
-    """Free runs over windows that differ, as those of one vehicle; in the order of the record."""
+    """Free runs over different windows joined into one, in the order of the record, for runs of one vehicle."""
     first = np.cumsum([0, *(int(p.window.max()) + 1 for p in parts)])
     rows = np.concatenate([p.rows for p in parts])
     order = np.argsort(rows, kind="stable")
@@ -121,19 +121,19 @@ def head_windows(record: Record, windows: Sequence[slice], settle: float) -> lis
 
 
 def fitted_runs(plant: Plant, record: Record, windows: Sequence[slice]) -> FreeRuns:
-    """Free runs of a plant over windows of a record, each from the states that suit the whole window best.
+    """Free runs of a plant over windows of a record, each from the states that fit the whole window best.
 
     Raises Diverged.
     """
     problem = Shooting(plant, record, windows)
     point = problem.solve(plant, ())
-    if not np.isfinite(point.cost):  # it runs away from the first readings; of what suits a few seconds it may not
+    if not np.isfinite(point.cost):  # diverges from the first readings; from fitted states it may not
         point = problem.solve(plant, (), guess=_starts(plant, record, head_windows(record, windows, plant.settle)))
     return _runs(problem, plant, point.starts, np.ones(problem.runs.rows, dtype=bool))
 
 
 def _starts(plant: Plant, record: Record, windows: Sequence[slice]) -> np.ndarray:
-    """The states at the starts of windows that suit all of their readings best, (W, n_states)."""
+    """The initial states of windows that fit all of their readings best, (W, n_states)."""
     return Shooting(plant, record, windows).solve(plant, ()).starts
 
 
@@ -143,14 +143,14 @@ def _runs(problem: Shooting, plant: Plant, starts: np.ndarray, scored: np.ndarra
     rows = np.concatenate([np.arange(w.start, w.stop) for w in problem.windows])
     readings = np.stack([problem.record.readings(name)[rows] for name in problem.channels], axis=1)
     signals = problem.signals if problem.chart.on else None
-    if problem.chart.on:  # whole turns mean nothing there, and half of one is jumped at each passage of the vertical
+    if problem.chart.on:  # whole turns mean nothing there, and each passage of the vertical jumps by half a turn
         angles = [problem.channels.index(name) for name in ANGLES]
         model[:, angles] = problem.logged[:, angles] - wrap(problem.logged[:, angles] - model[:, angles])
     return FreeRuns(problem.channels, rows, problem.window_of_row, model, residual, scored, readings, signals)
 
 
 def score(measured: np.ndarray, residual: np.ndarray) -> Score:
-    """The score of a residual against the measured signal it belongs to."""
+    """The score of a residual against its measured signal; raises if there is no sample."""
     if residual.size == 0:
         raise ValueError(
             "A score needs at least one sample, got none: choose longer windows or a shorter settling time."
@@ -169,7 +169,7 @@ def score(measured: np.ndarray, residual: np.ndarray) -> Score:
 
 @dataclass(frozen=True, eq=False)
 class Whiteness:
-    """Autocorrelation of residuals with its 95 % bound, and the Ljung-Box test of its being zero."""
+    """Autocorrelation of residuals with its 95 % bound, and the Ljung-Box test of whiteness."""
 
     lags: np.ndarray
     correlation: np.ndarray
@@ -180,8 +180,8 @@ class Whiteness:
 def whiteness(residual: np.ndarray, window: np.ndarray, lags: int = 15, fitted: np.ndarray | None = None) -> Whiteness:
     """Autocorrelation of a residual within its windows.
 
-    residual, window: (n,).  fitted: (n, q), orthonormal columns of what was fitted, which white errors have no part in
-    any more; that alone correlates what is left of them, and is taken out.  Source: Ljung and Box 1978.
+    residual, window: (n,).  fitted: (n, q), orthonormal columns of what was fitted.  The fit removes their part from
+    white errors, which alone correlates the rest; this is corrected.  Source: Ljung and Box 1978.
     """
     e = np.where(np.isfinite(residual), residual, 0.0)
     basis = np.zeros((e.size, 0)) if fitted is None else fitted
@@ -191,11 +191,11 @@ def whiteness(residual: np.ndarray, window: np.ndarray, lags: int = 15, fitted: 
     correlation = np.zeros(lags)
     for k in range(1, lags + 1):
         same = window[k:] == window[:-k]
-        expected = -float((basis[k:][same] * basis[:-k][same]).sum())  # over the variance, of white errors
+        expected = -float((basis[k:][same] * basis[:-k][same]).sum())  # for white errors, over the variance
         if variance > 0.0:
             correlation[k - 1] = (float((e[k:] * e[:-k])[same].sum()) / variance - expected) / n
     pairs = np.array([np.sum(window[k:] == window[:-k]) for k in range(1, lags + 1)])
-    # the mean of an estimate over short windows is scaled to the number of pairs that it has
+    # over short windows there are fewer pairs than rows: the estimate is scaled to their number
     scaled = correlation * n / np.maximum(pairs, 1)
     statistic = float(np.sum(pairs * scaled**2))
     bound = 1.96 / np.sqrt(n)

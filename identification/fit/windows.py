@@ -1,4 +1,4 @@
-"""Where free runs begin and end in a record, and which of them are kept from the fit."""
+"""The windows of free runs in a record, and which of them are held out from the fit."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from auv_gym.records.record import Record
 from identification.fit.shooting import unknown_states
 
 LEAST_SAMPLES = 8
-LEAST_LEFT = 4  # windows that a segment keeps, for its first seconds to be left out
-UNTOLD = 0.01  # of an actuator's travel, within which it stands where its commands put it
-_BEYOND = 1e6  # a command past every stop
+LEAST_LEFT = 4  # windows that must remain of a segment if its first seconds are left out
+UNTOLD = 0.01  # share of an actuator's travel within which its position counts as determined by the commands
+_BEYOND = 1e6  # a command beyond any stop
 
 
 def free_run_windows(plant: Plant, record: Record, seconds: float) -> list[slice]:
     """Windows of at most `seconds`: consecutive ones, or for inputs that move in steps the stretches between the steps.
 
-    The sample at which an input has moved is left out: the log may have been written while it moved.  Stretches with
+    The sample at which an input has moved is left out: the log may have been written during the move.  Stretches with
     fewer than `LEAST_SAMPLES` samples are dropped.  A vehicle that is `afloat` near the surface is judged below that
-    depth only, in equal parts of each stretch there.  No log says where the actuators stood before its first row, and
-    a wrong guess would pass for an effect: windows begin where that no longer matters (`_commanded`), and those of
-    other vehicles a settling time after their segment too, where at least `LEAST_LEFT` are left then.
+    depth only, in equal parts of each stretch there.  No log holds the positions of the actuators before its first row,
+    and a wrong guess would look like an effect: windows begin where they no longer matter (`_commanded`).  For other
+    vehicles they also begin a settling time after the start of their segment, if at least `LEAST_LEFT` remain.
     """
     family = plant.family
     inputs, time = inputs_of(plant, record), record.time
@@ -40,7 +40,7 @@ def free_run_windows(plant: Plant, record: Record, seconds: float) -> list[slice
 
 
 def stretches_of(plant: Plant, record: Record) -> list[slice]:
-    """What a filter goes through without a break: `free_run_windows` of any length, and no rest left out."""
+    """The stretches that a filter follows without a break: `free_run_windows` of any length, without remainders."""
     family, time = plant.family, record.time
     inputs = inputs_of(plant, record)
     begin = [s.start + _commanded(plant, inputs[s], time[s]) for s in record.segments]
@@ -57,10 +57,10 @@ def stretches_of(plant: Plant, record: Record) -> list[slice]:
 
 
 def _commanded(plant: Plant, inputs: np.ndarray, time: np.ndarray) -> int:
-    """The first row of a segment at which the actuators stand where its commands put them, wherever they stood before.
+    """The first row of a segment at which the commands determine the actuators' positions, whatever these were before.
 
-    inputs: (n, n_inputs).  time: (n,) s.  Followed from both ends of their travel, plays included, until the two agree;
-    the first row if they never do, since nothing would be left.
+    inputs: (n, n_inputs).  time: (n,) s.  The actuators are run from both ends of their travel, backlash included,
+    until the two agree; the first row if they never do, since nothing would remain.
     """
     family, p = plant.family, plant.family.view(plant.derived)
     shape, times, count = family.hooks.shape, family.hooks.actuator_times, len(family.actuators)
@@ -91,7 +91,7 @@ def _commanded(plant: Plant, inputs: np.ndarray, time: np.ndarray) -> int:
 
 
 def _ends(plant: Plant, name: str) -> tuple[float, float]:
-    """The least and the most that an actuator may have been told before a record; its stops do the rest."""
+    """The least and the greatest command of an actuator before a record; its stops limit it further."""
     low, high = plant.family.ranges.get(name, (-_BEYOND, _BEYOND))
     low, high = (value_at(plant, end) if isinstance(end, str) else end for end in (low, high))
     return low, high
@@ -110,9 +110,9 @@ def _between_steps(record: Record, stepped: Sequence[str], seconds: float, begin
 
 
 def held_out(plant: Plant, record: Record, windows: Sequence[slice]) -> tuple[list[slice], list[slice]]:
-    """Windows to fit and windows to judge by: every other one, or every other segment whole.
+    """Windows to fit and windows to judge by: every other one, or every other whole segment.
 
-    Whole segments where each has an unknown of its own (`Family.shared`), which its windows would tell each other.
+    Whole segments if each has an unknown constant of its own (`Family.shared`), which its windows have in common.
     """
     windows = list(windows)
     if not unknown_states(plant):
@@ -130,7 +130,7 @@ def held_out(plant: Plant, record: Record, windows: Sequence[slice]) -> tuple[li
 
 
 def _settled(record: Record, windows: Sequence[slice], settle: float, begin: Sequence[int]) -> list[slice]:
-    """The windows from the rows `begin` of their segments on, and where enough are left without `settle` seconds."""
+    """The windows from the rows `begin` of their segments on, without the first `settle` seconds if enough remain."""
     time, found = record.time, []
     for segment, first in zip(record.segments, begin, strict=True):
         here = [w for w in windows if segment.start <= w.start < segment.stop]
@@ -141,7 +141,7 @@ def _settled(record: Record, windows: Sequence[slice], settle: float, begin: Seq
 
 
 def _from(windows: Sequence[slice], row: int) -> list[slice]:
-    """The windows from a row on, without those of which less than half is left."""
+    """The windows from a row on, without those of which less than half remains."""
     return [slice(max(w.start, row), w.stop) for w in windows if 2 * (w.stop - row) >= w.stop - w.start]
 
 

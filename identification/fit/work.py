@@ -1,10 +1,10 @@
-"""How much a fit has computed so far, in a unit that is the same on any machine."""
+"""The amount of computation of a fit so far, in a unit that is the same on any machine."""
 
 from __future__ import annotations
 
 from threading import Lock
 
-FILTERED = 5  # samples over which a vehicle is run in the time that a filter takes for a row
+FILTERED = 5  # samples of a vehicle's run that take as long as one row of a filter
 
 
 class Work:
