@@ -1,8 +1,8 @@
 """The constants that decide what a diagnosis says, in one place: bars, levels, widths, shares and smallest sizes.
 
-The text below each says what it decides and where it comes from: a probability, a derivation, or "convention", where
-another value would do as well.  What only governs how numbers are computed (steps, iterations, tolerances) is where it
-is used.  `python -m scripts.pages.what_decides` writes the table of them in docs/diagnosis_method.md.
+The text below each says what it decides and its source: a probability, a derivation, or "convention" if another value
+would do as well.  Constants that only control the numerics (steps, iterations, tolerances) are where they are used.
+`python -m scripts.pages.what_decides` writes the table of them in docs/diagnosis_method.md.
 """
 
 from math import sqrt

@@ -1,4 +1,4 @@
-"""The evidence that a name needs."""
+"""The evidence that a candidate needs to be named."""
 
 from scipy import stats
 

@@ -1,8 +1,8 @@
-"""How much likelier a record is with a linear term of unknown size, the noises sought anew beside it.
+"""The evidence for a linear term of unknown size, with the noises estimated again beside it.
 
-Random accelerations grow to take the part of whatever is missing.  Weighed against such noises, what is missing counts
-for little: at most for as many readings as the noises leave independent.  So a term is weighed by the ratio of the
-likelihoods, each with the noises that suit it best.
+Random accelerations grow to explain whatever is missing.  Judged with such noises, a missing term counts for little: at
+most for as many readings as the noises leave independent.  So a term is judged by a likelihood ratio in which both
+sides have the noises that fit them best.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from identification.fit.followed import Point
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.responses import Responses
 
-_TURNS, _GAIN = 6, 0.1  # of size and noises, and the gain of the log-likelihood below which they end
+_TURNS, _GAIN = 6, 0.1  # most iterations of size and noises; the gain of log-likelihood below which they end
 _NOISE_STEPS = 40
-_SMALL_STEP = 0.05  # of the logarithm of a noise, for slopes
-_LEAST_INFORMATION = 1e-3  # of a noise's logarithm
-_MOST = 500.0  # of the evidence over the degrees of freedom: its exponential is finite
-_LEAST_REST = 1e-3  # of a term's squared length beside what is fitted, below which it shows nothing
+_SMALL_STEP = 0.05  # change of the logarithm of a noise, for slopes
+_LEAST_INFORMATION = 1e-3  # least information on a noise's logarithm
+_MOST = 500.0  # limit of evidence over degrees of freedom, for a finite exponential
+_LEAST_REST = 1e-3  # share of a term's squared length left beside the fitted parameters, below which it is invisible
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,10 @@ class Weight:
 
     @property
     def chance(self) -> float:
-        """The probability of as much where nothing is missing.
+        """The probability of at least as much evidence if nothing is missing.
 
-        With few degrees of freedom a likelihood ratio is larger by chance: one of a regression corresponds to Fisher's
-        F, of one parameter to Student's t squared (Kendall and Stuart 1979, ch. 24).
+        With few degrees of freedom, a likelihood ratio is larger by chance: that of a regression corresponds to
+        Fisher's F, that of one parameter to Student's t squared (Kendall and Stuart 1979, ch. 24).
         """
         if self.freedom <= self.parameters:
             return 1.0
@@ -57,11 +57,11 @@ class Weight:
 def weigh(
     problem: PredictionErrors, point: Point, paths: Sequence[str], terms: Responses, enough: float = 1.0
 ) -> tuple[Weight, ...]:
-    """The weight of each of some terms alone, by which readings and the next row's states move, beside fitted paths.
+    """The weight of each of some terms alone, given by responses of readings and next states, beside fitted paths.
 
-    By the filter that is linearised about the point's path; size and noises are sought in turns.  Errors that are
-    larger where the term acts than the filter says lower the evidence by as much (White 1980, Econometrica 48).
-    enough: the chance above which degrees of freedom are not asked for, and are infinite: they only make it greater.
+    The filter is linearised about the point's path; size and noises are estimated in turns.  Errors that are larger
+    where the term acts than the filter expects lower the evidence accordingly (White 1980, Econometrica 48).
+    enough: the chance above which degrees of freedom are not computed, and are infinite: they only raise the chance.
     """
     first = Regression(problem, point, paths, 0.0)
     renewed = problem.with_noise(point, problem.better_noise(point, _NOISE_STEPS)[0])
@@ -81,7 +81,7 @@ def _slopes_by(problem: PredictionErrors, term: Responses) -> Callable[[Point], 
 
 
 def _evidence(first: Regression, term: Responses, without: float) -> float:
-    """Twice the gain in log-likelihood by a term, from a regression of the point; without: the most without it."""
+    """Twice the gain in log-likelihood by a term, from a regression at the point; without: the best without it."""
     problem, point, regression = first.problem, first.point, first
     best, trust = -np.inf, 0.0
     for _ in range(_TURNS):
@@ -97,14 +97,14 @@ def _evidence(first: Regression, term: Responses, without: float) -> float:
 
 
 def _likelihood(regression: Regression) -> float:
-    """The log-likelihood of a point after a step of its fitted paths and starts, with what is known of the noises."""
+    """The log-likelihood of a point after a step of its fitted paths and starts, with the prior of the noises."""
     return regression.problem.objective(regression.point, ()) + 0.5 * regression.regained
 
 
 def _sized(regression: Regression, signature: np.ndarray) -> tuple[float, float, float]:
-    """The likeliest size of a term, the evidence for it, and the share of this that errors of any size leave.
+    """The likeliest size of a term, the evidence for it, and the share of this that allows for errors of varying size.
 
-    With the term's part still in the errors: one that acts in few rows would take theirs away.
+    The errors include the term's part: otherwise a term that acts in few rows would remove their errors.
     """
     (rest,) = regression.beside(signature[None])
     told, precision = float(rest @ regression.left), float(rest @ rest)
@@ -114,7 +114,7 @@ def _sized(regression: Regression, signature: np.ndarray) -> tuple[float, float,
 
 
 def _beside(point: Point, term: Responses, size: float) -> Point:
-    """A point with what a term of a size does taken off its system."""
+    """A point whose system has the effect of a term of a given size removed."""
     system = point.system
     assert system is not None
     forcing, error = system.forcing - size * term.onward[:, :, 0], system.error - size * term.seen[:, :, 0]
@@ -124,8 +124,8 @@ def _beside(point: Point, term: Responses, size: float) -> Point:
 def freedom_of(problem: PredictionErrors, point: Point, slopes: Callable[[Point], np.ndarray]) -> float:
     """Degrees of freedom of a point's noises, as far as the precision of some parameters depends on them.
 
-    The noises' information is that of the likelihood's slopes.  slopes: those of the errors by the parameters, (P, n),
-    at a point; their precision is what they would have if nothing else were fitted.
+    The noises' information comes from slopes of the likelihood.  slopes: of the errors by the parameters, (P, n), at a
+    point; their precision is that with nothing else fitted.
     """
     moved = [*range(len(problem.channels)), *problem.pushing(point)]
     precision, changes = _precision(slopes(point)), np.zeros(len(moved))
@@ -139,6 +139,6 @@ def freedom_of(problem: PredictionErrors, point: Point, slopes: Callable[[Point]
 
 
 def _precision(slopes: np.ndarray) -> float:
-    """The logarithm of the precision of parameters, the mean of as many as act in ways of their own."""
+    """The logarithm of the precision of parameters, averaged over the independent directions in which they act."""
     values = np.linalg.eigvalsh(slopes @ slopes.T)
     return float(np.log(np.maximum(values, max(1e-12 * values[-1], 1e-300))).mean())

@@ -1,4 +1,4 @@
-"""What may be missing: the candidate effects of a vehicle, and how far a record could tell each of them."""
+"""The candidate effects of a vehicle, and the evidence for each in the errors of a record."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from identification.fit.followed import Point
 from identification.fit.parameters import SIZES_OF_JUMPS, STEP, jumps, kinked
 from identification.fit.prediction_errors import PredictionErrors
 
-# Two components of one physical thing are one candidate; a component that turns out small is dropped at the end.
+# Two components of one physical quantity are one candidate; a component that turns out small is dropped at the end.
 TOGETHER = (
     ("compass deviation", ("effects.compass.deviation_sin", "effects.compass.deviation_cos")),
     ("steady current", ("effects.current.north", "effects.current.east")),
     ("internal-wave heave", ("effects.water.heave_sin", "effects.water.heave_cos")),
 )
-# A period that means nothing while the amplitudes are zero is searched for, then fitted with them.
+# A period has no meaning while the amplitudes are zero, so it is searched for and then fitted with them.
 PERIODS = {"effects.water.heave_sin": "effects.water.heave_period"}
 COMMON_DELAY = "effects.clock.delay"
 MOST_PERIODS = 64
-_ONE_SIDED = 1.645  # standard errors below which a normal estimate falls in 5 %
-_ONE_SIDE_AT_STOPS = frozenset(["gain", "offset"])  # of an actuator: a command at its stop shows one side alone
-KINKED_STEPS = (1.0, 5.0)  # probes over which slopes are taken about a corner, in place of `STEP`
+_ONE_SIDED = 1.645  # a normal estimate falls this many standard errors below its mean in 5 % of cases
+_ONE_SIDE_AT_STOPS = frozenset(["gain", "offset"])  # of an actuator: at a stop of the command, only one sign acts
+KINKED_STEPS = (1.0, 5.0)  # steps, in probes, for slopes near a corner, instead of `STEP`
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One effect, or the components of one, that the vehicle may lack; period: path of its period, or ""."""
+    """One effect, or the components of one, that the model may be missing; period: path of its period, or ""."""
 
     title: str
     paths: tuple[str, ...]
@@ -43,7 +43,7 @@ class Candidate:
 
     @property
     def free(self) -> tuple[str, ...]:
-        """What a fit of the candidate frees."""
+        """The paths that a fit of the candidate frees."""
         return (*self.paths, self.period) if self.period else self.paths
 
     def in_form(self, form: str, title: str) -> Candidate:
@@ -52,7 +52,7 @@ class Candidate:
 
     @property
     def steps(self) -> tuple[float, ...]:
-        """The sizes, in probes, by which its signatures are taken: of both sides where commands may reach a stop."""
+        """The steps, in probes, for its signatures; both signs if commands may reach a stop."""
         if self.jumps:
             return SIZES_OF_JUMPS
         if self.kinked:
@@ -61,31 +61,31 @@ class Candidate:
 
     @property
     def kinked(self) -> bool:
-        """Whether it works in one direction from its neutral value, with a corner there."""
+        """Whether it acts in one direction from its neutral value, with a corner there."""
         return kinked(self.paths[0])
 
     @property
     def jumps(self) -> bool:
-        """Whether its signature is that of its size alone, and no multiple of it that of another size."""
+        """Whether its signature does not scale with its size, so that each size needs its own."""
         return jumps(self.paths[0])
 
     @property
     def sloped(self) -> bool:
-        """Whether a slope at neutral tells what it does: not where it has a period, or jumps."""
+        """Whether its slope at neutral describes it: false for an effect with a period or with jumps."""
         return not self.period and not self.jumps
 
 
 @dataclass(frozen=True)
 class Screening:
-    """What the regression of the residual on a candidate's signature says before any fit.
+    """The regression of the errors on a candidate's signature, before any fit.
 
     estimate: (len(paths),), in probes.  evidence: twice the gain in log-likelihood that it promises.
     seen: share of the signature that neither coefficients nor initial states can imitate.
     detectable: (len(paths),), the size in the parameters' units that this record would show with 95 % probability.
-    unseen: why it cannot be seen, or "".  period: s, the best one of the `tried`; NaN where it has none.
-    beside: by what the regression moves each of the fitted parameters with it, in their scales; none where unseen.
-    together: of all candidates of its part of the vehicle together, the evidence and how many parameters make it; 0 of
-    both where parts are not tested.
+    unseen: why it cannot be seen, or "".  period: s, the best one of the `tried`; NaN if it has none.
+    beside: changes of the fitted parameters in the regression with it, in their scales; empty if unseen.
+    together: evidence for all candidates of its part of the vehicle together, and the number of parameters; both 0 if
+    parts are not tested.
     """
 
     candidate: Candidate
@@ -101,20 +101,21 @@ class Screening:
 
     @property
     def chance(self) -> float:
-        """The probability with which a part that lacks nothing shows as much; 0 where parts are not tested."""
+        """The probability of so much evidence for a part without a missing effect; 0 if parts are not tested."""
         evidence, parameters = self.together
         return float(stats.chi2.sf(evidence, parameters)) if parameters else 0.0
 
 
 def part_of(path: str) -> str:
-    """What an effect happens to: a part by its name, or the hull, a sensor, the load."""
+    """The part of the vehicle that an effect belongs to: a part by its name, or the hull, a sensor, the load."""
     return path.split(".")[1]
 
 
 def candidates_of(plant: Plant, record: Record | None = None) -> list[Candidate]:
-    """Every effect that the plant has at its neutral value, that may be probed and that the record does not measure.
+    """Every effect that is neutral in the plant, has a probe, and is not measured by the record.
 
-    Without those that are known exactly.  Of several logs also those of some of them only, where the plant has such.
+    Effects known exactly are left out.  For several logs, effects in only some of them are included if the plant has
+    such.
     """
     free = [
         path
@@ -137,7 +138,7 @@ def candidates_of(plant: Plant, record: Record | None = None) -> list[Candidate]
 
 
 def _grouped(plant: Plant, free: Sequence[str]) -> list[Candidate]:
-    """Some effects as candidates, components of one thing together."""
+    """Some effects as candidates, with the components of one quantity together."""
     found, used = list[Candidate](), set[str]()
     for path in free:
         if path in used:
@@ -151,14 +152,14 @@ def _grouped(plant: Plant, free: Sequence[str]) -> list[Candidate]:
 
 
 def _moved(plant: Plant, record: Record) -> int:
-    """How many actuators the commands of a record move: the delay of one alone is its dead time."""
+    """Number of actuators that the commands of a record move: the common delay of only one is its dead time."""
     return sum(record.has(name) and bool(np.ptp(record[name]) > 0.0) for name in plant.family.actuators)
 
 
 def periods_of(record: Record) -> np.ndarray:
     """Periods, s, that a record can show: from its length down to four samples, half a resolution apart.
 
-    At most the `MOST_PERIODS` longest.  None where a record has several segments: the phase in each is unknown.
+    At most the `MOST_PERIODS` longest.  None if a record has several segments: the phase in each is unknown.
     """
     if len(record.segments) > 1:
         return np.empty(0)
@@ -174,9 +175,9 @@ def screen(
 ) -> list[Screening]:
     """Regression of the filter's errors on each candidate's signature, most promising first.
 
-    A signature is the change of the predictions when the candidate leaves neutral by one probe, aligned in time because
-    it is simulated, with what fitted coefficients can imitate taken out; one pass gives all of them.  Where an effect
-    has a corner at neutral, a larger size is tried too.
+    A signature is the change of the predictions when the candidate leaves neutral by one probe.  It is simulated, and
+    therefore aligned in time; its part that fitted coefficients can imitate is removed.  One pass gives all signatures.
+    For an effect with a corner at neutral, a larger size is tried, too.
     threshold: the evidence that a finding needs, for the detectable sizes.
     """
     return Regression(problem, point, fitted, threshold).screened(candidates)
@@ -191,11 +192,11 @@ def screen_pairs(
     most: int,
     instead: Candidate | None,
 ) -> list[tuple[Screening, tuple[Screening, Screening]]]:
-    """Regression of the filter's errors on each two signatures at once: the pair, as one candidate, and its members.
+    """Regression of the filter's errors on every two signatures at once: the pair, as one candidate, and its members.
 
-    The `most` promising, best first.  threshold: see `screen`.  Pairs are left out that act alike, or that would have
-    an effect that works in one direction do so in the other; periods and jumps are not sought.
-    instead: an effect that a pair must promise more than.
+    The `most` promising pairs are returned, best first.  threshold: see `screen`.  Pairs of similar effects are left
+    out, and pairs in which a one-directional effect would have the wrong sign; periods and jumps are not tried.
+    instead: an effect that a pair must exceed in evidence.
     """
     regression = Regression(problem, point, fitted, threshold)
     least = 0.0 if instead is None else regression.of([instead])[0].evidence
@@ -206,21 +207,21 @@ def screen_pairs(
 def screen_signatures(
     problem: PredictionErrors, point: Point, fitted: Sequence[str], candidates: Sequence[Candidate], threshold: float
 ) -> tuple[list[tuple[Screening, np.ndarray]], np.ndarray]:
-    """As `screen`, with each signature beside what is fitted, (paths, n), and what is left to explain, (n,).
+    """Like `screen`, with each signature beside the fitted parameters, (paths, n), and the remaining errors, (n,).
 
-    Candidates in their order; one with a corner at neutral comes once for each of its sizes.
+    Candidates keep their order; one with a corner at neutral appears once for each of its sizes.
     """
     regression = Regression(problem, point, fitted, threshold)
     return [(one, rest) for one, rest, _ in regression._signed(candidates)], regression.left
 
 
 def deviations_shown(threshold: float) -> float:
-    """How many standard errors an effect needs, so that its evidence is above a threshold with 95 % probability."""
+    """The number of standard errors at which the evidence for an effect exceeds a threshold with 95 % probability."""
     return float(np.sqrt(threshold)) + _ONE_SIDED
 
 
 def _best_period(regression: Regression, candidate: Candidate, point: Point) -> Screening:
-    """The screening of a candidate at the period that promises most evidence."""
+    """The screening of a candidate at the period with the most evidence."""
     problem = regression.problem
     periods = periods_of(problem.record)
     if not periods.size:
@@ -239,13 +240,13 @@ _Signed = tuple[Screening, np.ndarray, np.ndarray]  # see `Regression._signed`
 
 
 class Regression:
-    """The errors of a point, what fitted coefficients can imitate, and regressions on signatures; see `screen`."""
+    """The errors of a point, the signatures of its fitted coefficients, and regressions beside these; see `screen`."""
 
     def __init__(self, problem: PredictionErrors, point: Point, fitted: Sequence[str], threshold: float):
         self.problem, self.point, self.fitted, self.threshold = problem, point, fitted, threshold
         self.nuisance = problem.counted_slopes(point, fitted)
         pulled, rates = problem.pulls(point.vector, fitted)
-        # what is known of the coefficients is data, too: a row for each
+        # the priors of the coefficients count as data: a row for each
         self.known = np.diag(rates) if len(fitted) else np.zeros((0, 0))
         self.tall = np.hstack([self.nuisance, self.known])
         starts = problem.start_basis(point)
@@ -257,37 +258,38 @@ class Regression:
 
     @property
     def regained(self) -> float:
-        """Evidence that a move of the fitted parameters and starts promises by itself."""
+        """The evidence that a step of the fitted parameters and starts promises by itself."""
         return float(self.residual @ self.residual - self.left @ self.left)
 
     def beside(self, signatures: np.ndarray) -> np.ndarray:
-        """What fitted parameters and starts cannot imitate of signatures, (P, rows * C), as long as `left`."""
+        """The part of signatures, (P, rows * C), that fitted parameters and starts cannot imitate, (P, len(left))."""
         wide = np.hstack([signatures, np.zeros((len(signatures), len(self.fitted)))])
         return wide - (wide @ self.basis) @ self.basis.T
 
     def evidence_of(self, signatures: np.ndarray) -> float:
-        """Evidence for a vehicle that may move by all of some signatures, (P, rows * C), at once."""
+        """Evidence for a set of signatures, (P, rows * C), all free at once."""
         rest = self.beside(signatures)
         told = rest @ self.left
         return float(told @ np.linalg.pinv(rest @ rest.T, rcond=1e-10, hermitian=True) @ told)
 
     def screened(self, candidates: Sequence[Candidate]) -> list[Screening]:
-        """See `screen`."""
+        """The screenings of candidates, see `screen`."""
         result = self.of([c for c in candidates if not c.period])
         result += [_best_period(self, c, self.point) for c in candidates if c.period]
         return sorted(result, key=lambda s: -s.evidence)
 
     def shown(self, sizes: Mapping[str, float]) -> dict[str, float]:
-        """By how many deviations of the errors effects of these sizes, in probes, change what was measured.
+        """The changes of the measurements by effects of these sizes, in probes, in deviations of the errors.
 
-        What coefficients and starts can imitate is left out.  The effects are run at these sizes: no slope is scaled.
+        The part that coefficients and starts can imitate is left out.  The effects are simulated at these sizes: no
+        slope is scaled.
         """
         changes = self.problem.counted_flat(self.problem.columns_of(self.point, list(sizes.items())))
         rest = np.linalg.norm(self.beside(changes), axis=1)
         return {path: float(size * one) for (path, size), one in zip(sizes.items(), rest, strict=True)}
 
     def of(self, candidates: Sequence[Candidate], vector: np.ndarray | None = None) -> list[Screening]:
-        """A screening for each candidate, in their order; vector: from where the signatures are taken."""
+        """A screening for each candidate, in their order; vector: parameters at which the signatures are taken."""
         found: dict[Candidate, Screening] = {}
         signed, many = self._signed(candidates, vector), len(candidates) >= MANY
         together = self._together([rows for rows in signed if not rows[0].candidate.jumps]) if many else {}
@@ -299,7 +301,7 @@ class Regression:
         return [replace(found[c], together=together.get(part_of(c.paths[0]), (0.0, 0))) for c in candidates]
 
     def pairs(self, candidates: Sequence[Candidate], most: int) -> list[tuple[Screening, tuple[Screening, Screening]]]:
-        """See `screen_pairs`."""
+        """The screenings of pairs, see `screen_pairs`."""
         seen = [rows for rows in self._signed(candidates) if not rows[0].unseen]
         ends = np.cumsum([0, *(len(own) for _, own, _ in seen)])
         rest = np.vstack([own for _, own, _ in seen]) if seen else np.zeros((0, self.left.size))
@@ -310,7 +312,7 @@ class Regression:
         for i, j in combinations(range(len(seen)), 2):
             a, b = seen[i][0].candidate, seen[j][0].candidate
             rows = np.r_[ends[i] : ends[i + 1], ends[j] : ends[j + 1]]
-            # one minus the cosine of two; the difference of two that act alike would be an effect that neither is
+            # one minus the cosine of two; the difference of two similar effects would be an effect of neither kind
             if a is b or np.linalg.eigvalsh(cosines[np.ix_(rows, rows)])[0] < 1.0 - ALIKE:
                 continue
             estimate = np.linalg.solve(gram[np.ix_(rows, rows)], told[rows])
@@ -334,7 +336,7 @@ class Regression:
         )
 
     def _signed(self, candidates: Sequence[Candidate], vector: np.ndarray | None = None) -> list[_Signed]:
-        """A screening for each candidate and step, its signature without what others imitate, and whole, (paths, n)."""
+        """A screening for each candidate and step, its signature beside the fitted parameters, and the full one."""
         groups = [(c, step) for c in candidates for step in c.steps]
         if not groups:
             return []
@@ -350,7 +352,7 @@ class Regression:
         ]
 
     def _together(self, signed: Sequence[_Signed]) -> dict[str, tuple[float, int]]:
-        """Of each part, the evidence for all of its effects at once, and in how many directions these act."""
+        """For each part, the evidence for all of its effects at once, and the number of independent ones."""
         paths = [p for one, *_ in signed for p in one.candidate.paths]
         rest, whole = np.vstack([own for _, own, _ in signed]), np.vstack([whole for *_, whole in signed])
         size, full = np.linalg.norm(rest, axis=1), np.linalg.norm(whole, axis=1)
@@ -386,11 +388,11 @@ class Regression:
             estimate, sizes = np.full_like(estimate, step), np.where(sizes <= step * units, step * units, np.inf)
         evidence = float(2.0 * estimate @ (own @ self.left) - estimate @ gram @ estimate)
         if -step in candidate.steps and estimate[0] * step < 0.0:
-            estimate, evidence = np.zeros_like(estimate), 0.0  # this slope is that of the other side
+            estimate, evidence = np.zeros_like(estimate), 0.0  # this slope belongs to the other sign
         return Screening(candidate, estimate, evidence, seen, sizes, beside=self._beside(estimate @ whole))
 
     def _beside(self, imitated: np.ndarray) -> np.ndarray:
-        """By what the fitted parameters move, in their scales, where an effect changes the errors by this much."""
+        """The changes of the fitted parameters, in their scales, given a change of the errors by an effect."""
         if not len(self.fitted):
             return np.empty(0)
         rest = self.basis.T @ (self.residual - imitated)

@@ -1,4 +1,4 @@
-"""Whether parameters have one size throughout a record, or another in each dive."""
+"""Tests of whether parameters are the same throughout a record, or differ from dive to dive."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from identification.fit.followed import Point
 from identification.fit.parameters import moves_of
 from identification.fit.prediction_errors import PredictionErrors
 
-_SHARES = (1.0, 0.2)  # of the step that a regression promises, from which a fit begins: far from a log it is too long
+_SHARES = (1.0, 0.2)  # of the step by a regression, as starts of a fit: far from the log, the full step is too long
 
 
 @dataclass(frozen=True)
 class Steadiness:
     """The parameter in which sixths of a record contradict each other most.
 
-    probability: of as much difference in any of those asked for, if each is the same in all parts.
-    apart: of a sixth from the whole record, at the most, as a share of the size there; infinite where it is not known.
+    probability: of so large a difference in any of the tested parameters, if each is the same in all parts.
+    apart: largest deviation of a sixth from the whole record, as a share of the size there; infinite if unknown.
     """
 
     path: str
@@ -39,18 +39,18 @@ class Steadiness:
 
     @property
     def varies(self) -> bool:
-        """Whether it is surely not the same in all parts, and by more than little."""
+        """Whether it surely differs between parts, and by more than a little."""
         return varies(self.probability, self.apart)
 
 
 def varies(probability: float, apart: float) -> bool:
-    """Whether a size is surely not the same in all parts, and by more than little; see `Steadiness`."""
+    """Whether a size surely differs between parts, and by more than a little; see `Steadiness`."""
     return probability < UNSTEADY and apart > SLIGHTLY
 
 
 @dataclass(frozen=True)
 class OfDive:
-    """The size that an effect has in one dive, with its 95 % interval, in the parameter's unit."""
+    """The size of an effect in one dive, with its 95 % interval, in the parameter's unit."""
 
     dive: str
     value: float
@@ -59,7 +59,7 @@ class OfDive:
 
 @dataclass(frozen=True, eq=False)
 class ByDive:
-    """An effect with another size in each dive of a record; bench, state: the fit with all of these sizes."""
+    """An effect whose size differs from dive to dive in a record; bench, state: the fit with all of these sizes."""
 
     path: str
     sizes: tuple[OfDive, ...]
@@ -75,14 +75,14 @@ def steadiness(
     tried: int | None = None,
     level: float = UNSTEADY,
 ) -> Steadiness:
-    """The parameter, of some paths, that is least surely the same in all sixths of the record.
+    """The parameter, of some paths, whose sizes in the sixths of the record differ most significantly.
 
-    By a regression on changes from each sixth on; with `quietly` also with weaker accelerations: these grow to explain
-    what does not fit, and then hide it.  Only where that promises a difference, it is fitted, with noises that suit it,
-    and no farther than is sure enough: the probability is then an upper bound.  Of paths that are not fitted, the first
-    sixth has a size of its own, too: what acts until a time is then none of the later ones.
-    tried: from how many paths these were chosen; by default they are all.  level: the probability that is asked for;
-    one above it takes noises for known exactly.
+    The test is a regression on changes from each sixth on; with `quietly` also with weaker accelerations, since these
+    grow to explain a misfit and then hide it.  Only if it promises a difference is that fitted, with noises that suit
+    it, and only until it is certain enough: the probability is then an upper bound.  For paths that are not fitted, the
+    first sixth has a size of its own, too, so that an effect that ends at some time is none of the later sixths.
+    tried: number of paths from which these were chosen; by default these only.  level: the significance level; a
+    probability above it takes noises as known exactly.
     """
     count = len(paths) if tried is None else tried
 
@@ -97,10 +97,10 @@ def steadiness(
 def _divisions(
     bench: Workbench, paths: Sequence[str], fitted: bool
 ) -> tuple[dict[str, Course], dict[str, tuple[str, ...]]]:
-    """Changes from each sixth of the record on, and which of them each path may have, by path.
+    """Changes from each sixth of the record on, and the changes that apply to each path, by path.
 
-    What acts in some logs only has those from each sixth of these on.  fitted: whether any of the paths is, so that the
-    first sixth needs none.
+    An effect of only some logs has changes from each sixth of these.  fitted: whether any of the paths is fitted, so
+    that the first sixth needs no change.
     """
     rows, courses, forms = bench.problem.rows, dict[str, Course](), dict[str, tuple[str, ...]]()
     sixths = _sixths(bench)
@@ -117,7 +117,7 @@ def _divisions(
 
 
 def _sixths(bench: Workbench) -> np.ndarray:
-    """In which sixth of the record each row is, (n,); of up to six logs, about as many parts, none of two logs."""
+    """The sixth of the record of each row, (n,); for up to six logs about as many parts, none across logs."""
     begins = [begin for _, begin in dives_of(bench.record, bench.problem.rows)]
     if not 2 <= len(begins) <= MOST_PARTS:
         return bench.block_of_row * MOST_PARTS // BLOCKS
@@ -130,9 +130,9 @@ def _sixths(bench: Workbench) -> np.ndarray:
 
 
 def _apart(state: State, found: State | None, path: str, forms: Sequence[str]) -> float:
-    """How far the sizes of a path along a record are from that of the whole, see `Steadiness`.
+    """Deviation of the sizes of a path along a record from that of the whole, see `Steadiness`.
 
-    found: a fit with its changes, each of which lasts from where it begins.
+    found: a fit with its changes, each of which lasts from its beginning on.
     """
     size = value_at(state.plant, path) - spec_at(state.plant, path).neutral
     if found is None or path not in state.paths or not size:
@@ -144,8 +144,8 @@ def _apart(state: State, found: State | None, path: str, forms: Sequence[str]) -
 def sizes_by_dive(bench: Workbench, state: State, path: str) -> ByDive | None:
     """The size of an effect in each dive, if the dives of the record surely contradict each other in it.
 
-    Each dive costs a parameter, but for the first where the effect is fitted already: so much evidence for as many must
-    have a chance of less than 0.1 %.
+    Each dive costs a parameter, except the first if the effect is already fitted: the evidence for these parameters
+    must have a probability of less than 0.1 %.
     """
     dives = dives_of(bench.record, bench.problem.rows)
     if len(dives) < 2:
@@ -167,7 +167,7 @@ def sizes_by_dive(bench: Workbench, state: State, path: str) -> ByDive | None:
 
 
 def dives_of(record: Record, rows: np.ndarray) -> list[tuple[str, int]]:
-    """The dives of a record, which are its segments of one label, each with the first of some rows that lies in it."""
+    """The dives of a record, the segments of one label, each with the first of the given rows that lies in it."""
     found: list[tuple[str, int]] = []
     for dive in logs_in(record):
         own = rows[(rows >= dive.rows.start) & (rows < dive.rows.stop)]
@@ -185,13 +185,13 @@ def _changed(
     quietly: bool,
     whole: bool,
 ) -> tuple[str, float, Workbench, State | None]:
-    """The path that changes are likeliest of, the chance of as much, and bench and fit with them.
+    """The path with the most significant changes, the probability of so much evidence, and bench and fit with them.
 
     forms: in which each path may change, by path; courses: of these.
 
-    No fit where a regression promises less than what chance has with the probability `level`.  whole: whether the fit
-    goes on when its beginning is less probable than that.  Accelerations cost nothing here: of two models that may both
-    have them, chance prefers neither.
+    No fit is made if a regression promises less than chance does with the probability `level`.  whole: whether to
+    continue a fit that starts out significant.  Accelerations cost nothing here: both models may have them, so chance
+    favours neither.
     """
     problem, changing = copy(bench.problem), copy(bench)
     moving = {form: [path for path, own in forms.items() if form in own] for form in courses}
@@ -234,7 +234,7 @@ def _changed(
     fitted = min(tried, key=chance)
     if whole or chance(fitted) >= level:
         fitted = problem.solve(problem.plant_at(fitted, free), free, fitted, ITERATIONS, gain=TRIAL_GAIN)
-    if chance(fitted) < level:  # at the noises of the rival, too, without a change
+    if chance(fitted) < level:  # refit the model without changes from the rival's noises, too
         renewed = bench.problem.renewed(state.point, fitted.logs, state.paths)
         without = max(without, bench.problem.likelihood(renewed, state.paths))
     return path, chance(fitted), changing, State(problem.plant_at(fitted, free), free, fitted)
@@ -248,7 +248,7 @@ def _soon(
     moving: Mapping[str, Sequence[str]],
     courses: Mapping[str, Course],
 ) -> None:
-    """Slopes that are known already, and those by changes of coefficients as far as responses give them.
+    """Copy the slopes that are known already, and compute those by changes of coefficients from responses, if possible.
 
     moving: paths by the form in which they change.
     """

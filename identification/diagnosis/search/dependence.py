@@ -1,4 +1,4 @@
-"""Whether what random accelerations explain follows a signal: a speed, a depth, a command, the time, or their past."""
+"""Tests of whether random accelerations follow a signal: a speed, a depth, a command, the time, or their past."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from identification.fit.responses import together
 
 TIME = "time_s"
 CLOCK = "effects.clock.rate"
-_ORDERS = (1, 2, 3)  # of the harmonics of an angle that goes round
-_FAINT = 4.0  # evidence below which a law is not weighed: two standard errors
-_LEADS = (1, 2, 4, 8, 16)  # rows by which commands come later
-_STILL = 0.01  # deviations of a signal, below which a row's change is none
-_LEAST_REST = 1e-3  # share of a signature beside what is fitted, below which it shows nothing
+_ORDERS = (1, 2, 3)  # harmonics of an angle with large changes
+_FAINT = 4.0  # least evidence for a law to be weighed: two standard errors
+_LEADS = (1, 2, 4, 8, 16)  # rows by which the compared commands are later
+_STILL = 0.01  # least change in a row that counts, in standard deviations of the signal
+_LEAST_REST = 1e-3  # share of a signature left beside the fitted parameters, below which it is invisible
 _NO_WAVES = np.empty((0, 0))
 
 
 @dataclass(frozen=True)
 class Dependence:
-    """What follows what: a velocity (or position) that is pushed, and the signal that the push depends on.
+    """A velocity (or position) that is pushed, and the signal that the push depends on.
 
-    misread: whether it is a channel whose lasting errors follow the signal.
-    remembers: whether it depends on what the signal did before, as with hysteresis, play or sticking.
+    misread: whether it is instead a channel whose lasting errors follow the signal.
+    remembers: whether it depends on the signal's past, as with hysteresis, backlash or sticking.
     """
 
     pushed: str
@@ -58,20 +58,19 @@ class _Tried:
 
 
 def dependence(bench: Workbench, state: State) -> Dependence | None:
-    """The surest dependence of what pushes the vehicle on a signal, None if chance would do as well.
+    """The most significant dependence of the random accelerations on a signal, None if there is none.
 
-    A push that follows a signal is no noise, whatever its law: steps and ramps at eighths of the signal's range, its
-    square and its size, harmonics of an angle, switches with hysteresis, and the direction of the last motion.  Each is
-    tried as an acceleration of each velocity, by a regression of the prediction errors.
-    Evidence is the smaller one of that with errors of one size, and of that with errors of any size (White 1980,
-    Econometrica 48): errors that are merely larger at times show nothing.
-    Where none is sure so, the likeliest ones are weighed with noises of their own, see `beside_noise.py`.
-    A controller that steers against pushes, by more than what was logged, makes commands follow them.  So a law of a
-    command counts only if it tells more than the same law of commands that come later, see `_answers`.
-    A sea pushes all velocities together, so that the push on one follows others in the rhythm of its waves.  What the
-    waves of the others can tell of a push is therefore no law, and none is weighed beside noises of its own.
-    Of a vehicle with many states, only velocities that random accelerations push are asked for, and quarters.
-    `LEFT` is the probability of a dependence where there is none; see `_shared`.
+    A push that follows a signal is no noise.  The laws are steps and ramps at eighths of the signal's range, its square
+    and its size, harmonics of an angle, switches with hysteresis, and the direction of the last motion.  Each is tried
+    as an acceleration of each velocity, by regression.  The evidence is the smaller of that with errors of equal size
+    and that with errors of any size (White 1980, Econometrica 48), so that errors that are merely larger at times show
+    nothing.  If no law is significant, the likeliest ones are weighed with noises of their own, see `beside_noise.py`.
+    A controller that steers against pushes, by more than was logged, makes commands follow them: a law of a command
+    counts only if it explains more than the same law of later commands, see `_answers`.
+    A sea pushes all velocities in one rhythm, so what the waves of the others predict of a push is no law, and laws of
+    such a push are not weighed.
+    For a vehicle with many states, only pushed velocities and quarters are tested.  `LEFT` is the probability of a
+    false alarm; see `_shared`.
     """
     problem, point = bench.problem, state.point
     if point.system is None:
@@ -115,7 +114,7 @@ def dependence(bench: Workbench, state: State) -> Dependence | None:
 
 
 def _shared(found: Sequence[_Tried], level: float) -> np.ndarray:
-    """The level of each law: half of it all for a push that follows the velocity that it changes, as of a drag."""
+    """The significance level of each law; half of the total is for pushes by the pushed velocity, like drag."""
     own = np.array([one.told.pushed == one.told.signal for one in found], dtype=bool)
     shares = np.empty(len(found))
     for group in (own, ~own):
@@ -125,7 +124,7 @@ def _shared(found: Sequence[_Tried], level: float) -> np.ndarray:
 
 
 def _answers(problem: PredictionErrors, regression: Regression, one: _Tried, waves: np.ndarray = _NO_WAVES) -> bool:
-    """Whether a law of a command tells less than the same law of later commands: these answer what has pushed."""
+    """Whether a law of a command explains less than the same law of later commands, which then react to the push."""
     if one.told.signal not in problem.plant.inputs:
         return False
     rows, stretch = np.arange(len(one.law)), problem.stretch_of_row
@@ -137,9 +136,9 @@ def _answers(problem: PredictionErrors, regression: Regression, one: _Tried, wav
 
 
 def _by_other_waves(regression: Regression, axis: int) -> np.ndarray:
-    """An orthonormal basis of what waves that push other velocities than the `axis`-th can do by it, (K, n).
+    """An orthonormal basis of what waves on other velocities than the `axis`-th predict of its push, (K, n).
 
-    In and out of phase: the push of a wave on one velocity may come before or after that on another.
+    It includes both phases: the push of a wave on one velocity may come before or after that on another.
     """
     problem, point = regression.problem, regression.point
     others = problem.swelling(point)[problem.leads] & ~problem.misread
@@ -156,7 +155,7 @@ def clock_varies(bench: Workbench, state: State) -> bool:
     """Whether the clock of a record surely had different rates in different parts of it.
 
     The time stamps then disagree with the motion in all channels at once, which accelerations can only imitate.
-    Of a vehicle that internal waves carry, only depth tells of either, and nothing tells a clock from such waves.
+    For a vehicle carried by internal waves, only depth shows either, so a clock cannot be told from such waves.
     """
     problem, point = bench.problem, state.point
     if point.system is None or CLOCK not in problem.index:
@@ -173,10 +172,10 @@ def clock_varies(bench: Workbench, state: State) -> bool:
 
 
 def signals_of(problem: PredictionErrors, point: Point) -> dict[str, np.ndarray]:
-    """What a push may follow, by channel, (rows,): the states along the filter's path, logged commands, the time."""
+    """The signals that a push may follow, by channel, (rows,): states along the filter's path, commands, the time."""
     family, record, rows = problem.plant.family, problem.record, problem.rows
     found = {n: point.path[:, i] for i, n in enumerate(family.states) if i in problem.live}
-    if problem.chart.on:  # these are rotation vectors then
+    if problem.chart.on:  # the attitudes are rotation vectors
         found = {n: values for n, values in found.items() if n not in ANGLES}
     found |= {n: record[n][rows] for n in problem.plant.inputs if record.has(n)} | {TIME: record.time[rows]}
     known = {n: np.nan_to_num(values) for n, values in found.items()}
@@ -188,7 +187,7 @@ def laws_of(
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Laws by which a push may follow a signal, (rows,) each: of its present value, and of its past.
 
-    begins: rows in which a stretch begins.  pieces: of the signal's range.
+    begins: rows in which a stretch begins.  pieces: number of pieces of the signal's range.
     """
     if channel(name).angle and np.ptp(values) > np.pi:
         return [law(order * values) for order in _ORDERS for law in (np.sin, np.cos)], []
@@ -203,7 +202,7 @@ def laws_of(
     for size in (values, np.abs(values))[: 1 + signed]:
         edges = np.quantile(size, np.arange(1, pieces) / pieces)
         past += [_switched(size, low, high, begins) for low, high in zip(edges[:-2:2], edges[2::2], strict=True)]
-    if signed:  # the same to both sides, as drag is
+    if signed:  # odd in the signal, like drag
         past += [values * switch / unit for switch in past[-((pieces - 2) // 2) :]]
     return present, past
 
@@ -215,14 +214,14 @@ def _switched(values: np.ndarray, low: float, high: float, begins: np.ndarray) -
 
 
 def _direction(values: np.ndarray, begins: np.ndarray) -> np.ndarray:
-    """The sign of the last change, 0 where there was none yet."""
+    """The sign of the last change, 0 if there was none yet."""
     changes = np.where(begins, 0.0, np.diff(values, prepend=values[0]))
     moved = np.abs(changes) > _STILL * np.std(values)
     return _held(np.where(moved, np.sign(changes), np.where(begins, 0.0, np.nan)))
 
 
 def _held(events: np.ndarray) -> np.ndarray:
-    """Values with each that is NaN replaced by the last one before it."""
+    """Values with each NaN replaced by the last value before it."""
     known = ~np.isnan(events)
     return events[np.maximum.accumulate(np.where(known, np.arange(len(events)), 0))]
 
@@ -230,9 +229,9 @@ def _held(events: np.ndarray) -> np.ndarray:
 def _evidence(
     regression: Regression, signatures: np.ndarray, waves: np.ndarray = _NO_WAVES
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Evidence for each of some signatures, (P, n), beside what is fitted, see `dependence`; 0 if nothing is left.
+    """Evidence for each of some signatures, (P, n), see `dependence`, 0 if nothing is left; and the remainders.
 
-    And what is left of them, (P, n).  waves: (K, n), orthonormal, what else may be at work.
+    waves: (K, n), orthonormal, another possible cause.
     """
     size, left = np.maximum(np.linalg.norm(signatures, axis=1), 1e-300), regression.left
     rest = regression.beside(signatures / size[:, None])
@@ -245,7 +244,7 @@ def _evidence(
 
 
 def _chance(regression: Regression, signatures: np.ndarray) -> float:
-    """The probability of as much evidence for all of some signatures, (P, n), at once, see `dependence`."""
+    """The probability of so much evidence for all of some signatures, (P, n), at once, see `dependence`."""
     size = np.linalg.norm(signatures, axis=1)
     rest = regression.beside(signatures[size > 0.0] / size[size > 0.0, None])
     values, vectors = np.linalg.eigh(rest @ rest.T)

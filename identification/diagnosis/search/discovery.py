@@ -1,4 +1,4 @@
-"""A term that no known effect is: which one, over a library of forces, makes parts of a record foretell each other."""
+"""The search for an unknown force: the term of a library by which parts of a record predict each other."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Term:
     """A term found in data: its coefficient with a 95 % interval, and how it was found.
 
     frequency: share of the halves of the data that chose it.  alike: paths that explain the record as well.
-    objection: why it does not hold, or "".
+    objection: why it is rejected, or "".
     """
 
     path: str
@@ -44,7 +44,7 @@ class Term:
 
     @property
     def words(self) -> str:
-        """The term for people: a heave force of -0.12 N per metre of depth, with its interval."""
+        """The term in words: a heave force of -0.12 N per metre of depth, with its interval."""
         subject, _, of = self.title.removeprefix("discovered ").partition(" from ")
         value, low, high = _digits(self.value, *self.ci95)
         if of in _PER:
@@ -56,9 +56,9 @@ class Term:
 
 @dataclass(frozen=True, eq=False)
 class Discovery:
-    """What a search for a term found: the plant with the terms that hold, or the one that came in.
+    """The result of a search for terms: the plant with the accepted terms, or the given one.
 
-    paths: all that is fitted in `plant`.  terms: those that hold.  rejected: those that were stable but do not.
+    paths: all that is fitted in `plant`.  terms: the accepted ones.  rejected: those chosen stably but rejected.
     """
 
     plant: Plant
@@ -69,11 +69,11 @@ class Discovery:
 
     @property
     def holds(self) -> bool:
-        """Whether a term was found that parts of the record foretell of each other."""
+        """Whether any term was accepted."""
         return bool(self.terms)
 
     def refused(self, state: State, why: str) -> Discovery:
-        """The same without its terms, which a state has not, and the objection to each."""
+        """The discovery with its terms rejected, each with this objection, and a state without them."""
         rejected = (*self.rejected, *(replace(term, objection=why) for term in self.terms))
         return replace(self, plant=state.plant, paths=state.paths, state=state, terms=(), rejected=rejected)
 
@@ -92,7 +92,7 @@ class Discovery:
 
 
 def library_of(plant: Plant) -> tuple[str, ...]:
-    """Paths of the discovered terms that a vehicle has and does not use."""
+    """Paths of the discovered terms that are neutral in a vehicle."""
     return tuple(p for p in list_paths(plant) if p.startswith("effects.discovered.") and value_at(plant, p) == 0.0)
 
 
@@ -101,9 +101,9 @@ def discover(
 ) -> Discovery:
     """At most two terms of the library, chosen stably over halves of the fitted windows and confirmed by the others.
 
-    A second one only where something is left beside the first.
+    A second term is tried only if something is left beside the first.
 
-    state: what has been fitted so far (`paths`).  settle: s, to which the starts of free runs are fitted.
+    state: the fit so far (`paths`).  settle: s, to which the starts of free runs are fitted.
     Raises ValueError if the library is empty.
     """
     if not library:
@@ -128,7 +128,7 @@ def discover(
 
 
 def _digits(*values: float) -> list[str]:
-    """The values with as many digits as it takes to see how far the last two are apart, at least two."""
+    """The values with enough digits, at least two, to show the difference of the last two."""
     apart = values[-1] - values[-2]
     for digits in range(2, 9):
         words = [f"{value:.{digits}g}" for value in values]
@@ -140,7 +140,7 @@ def _digits(*values: float) -> list[str]:
 def _confirmed(
     bench: Workbench, state: State, terms: Sequence[Term], scales: Mapping[str, float], count: int, settle: float
 ) -> tuple[State, list[Term], list[Term]]:
-    """The state with only those terms that hold beside each other, these, and the others; the weakest goes first."""
+    """The state with only the terms that hold beside each other, these terms, and the rejected ones, weakest first."""
     kept, failed = list(terms), []
     while kept:
         without = side_by_side(lambda term, state=state: bench.without(state, [term.path]), kept)
@@ -156,7 +156,7 @@ def _confirmed(
 
 
 def _weighed(bench: Workbench, before: State, found: Found, count: int, settle: float) -> Term:
-    """The term that was found, with the evidence for it and the objection to it, against the state without it."""
+    """The found term, with the evidence for it and the objection to it, against the state without it."""
     after, spec = found.state, spec_at(before.plant, found.path)
     value, limits = term_interval(bench, found)
     evidence = bench.gains(before, after)

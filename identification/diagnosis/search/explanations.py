@@ -1,13 +1,13 @@
 """The sets of effects that explain a record, each with its probability: the ties of a diagnosis.
 
-What one effect does beside others may need other ones.  So each member of a tie takes the chosen effect's place in the
-final model, where all is fitted again from the likeliest of several starts; effects that it makes needless are left
-out, and where it is far behind there, though it was not in its own round, one more round is searched beside it.  An
-effect that was behind in its round, before others came, may be ahead beside them: these take the place, too.
-A set weighs exp(-cost / 2), its cost being minus twice the objective and `PRICE` for each parameter, all sets as likely
-beforehand (Burnham and Anderson 2002, Model Selection and Multimodel Inference, sec. 2.9).  No set is quite right, and
-the weights of a whole record are then far too sure: half of it may prefer what the other half refutes.  So weights are
-those of each half, its evidence counted as if all of the record were like it, averaged over all halves.
+An effect may need different companions from those of its rival.  So each member of a tie replaces the chosen effect in
+the final model, which is refitted from the likeliest of several starts.  Effects that become needless are left out, and
+if the set is far behind, although the member was not in its own round, one more round is searched beside it.  An effect
+that was behind in its round may be ahead beside the effects found later: such effects are tried, too.
+A set weighs exp(-cost / 2), where its cost is minus twice the objective plus `PRICE` for each parameter, with equal
+priors (Burnham and Anderson 2002, Model Selection and Multimodel Inference, sec. 2.9).  No set is exactly right, and
+the weights of a whole record are then far too certain: half of it may prefer what the other half refutes.  So the
+weights are those of each half, with its evidence scaled to the whole record, averaged over all halves.
 Source: bagged posteriors, Huggins and Miller 2023, Bayesian Analysis 18, pages 79-104.
 """
 
@@ -33,8 +33,8 @@ from identification.diagnosis.search.trials import Trial
 from identification.diagnosis.search.workbench import TRIAL_GAIN, State, Workbench
 from identification.fit.changing import ChangingPlant, changed
 
-_IDLE = 1e-6  # probes by which an idle effect is off neutral at the most
-STOPPED = 2.0 * TRIAL_GAIN  # of the cost, that trials differ by since their fits stop early
+_IDLE = 1e-6  # largest deviation from neutral of an idle effect, in probes
+STOPPED = 2.0 * TRIAL_GAIN  # difference in cost of trials that is due to early stops of their fits
 
 Search = Callable[[State, Sequence[Trial]], Round | None]
 
@@ -43,7 +43,7 @@ Search = Callable[[State, Sequence[Trial]], Round | None]
 class Explanation:
     """A set of effects, fitted together.
 
-    rounds: where each was tried.  cost: see above.  halves: (H,), the cost that each half of the record tells.
+    rounds: in which each was tried.  cost: see above.  halves: (H,), the cost by each half of the record.
     """
 
     state: State
@@ -53,12 +53,12 @@ class Explanation:
 
     @property
     def trials(self) -> tuple[Trial, ...]:
-        """The effects as they were tried."""
+        """The trials of the effects."""
         return tuple(r.chosen for r in self.rounds if r.chosen is not None)
 
     @property
     def idle(self) -> list[Trial]:
-        """Those of which nothing is left beside the others: the set is one without them."""
+        """The trials whose effects have returned to neutral: the set is equivalent to one without them."""
         plant = self.state.plant
 
         def gone(path: str) -> bool:
@@ -74,32 +74,32 @@ class Explanation:
 
 @dataclass(frozen=True, eq=False)
 class Explanations:
-    """Sets of effects that explain one record, those that cost least first."""
+    """Sets of effects that explain one record, in ascending order of cost."""
 
     sets: tuple[Explanation, ...]
 
     @cached_property
     def weights(self) -> np.ndarray:
-        """The probability of each set, (n,), equally likely beforehand."""
+        """The probability of each set, (n,), with equal priors."""
         cost = np.array([s.halves for s in self.sets])
         weight = np.exp(-0.5 * (cost - cost.min(axis=0)))
         return (weight / weight.sum(axis=0)).mean(axis=1)
 
     def probability(self, path: str) -> float:
-        """The probability of the sets that have an effect at a path."""
+        """The total probability of the sets with an effect at a path."""
         return float(sum(w for s, w in zip(self.sets, self.weights, strict=True) if path in s.state.paths))
 
     def needless(self, candidate: Candidate) -> float:
-        """The probability of the sets in which another effect is idle in the place of this one: they need neither."""
+        """The probability of the sets in which another effect replaces this one and is idle: they need neither."""
         pairs = zip(self.sets, self.weights, strict=True)
         return float(sum(w for s, w in pairs if s.idle and candidate not in s.candidates))
 
     def best_with(self, path: str) -> Explanation | None:
-        """The likeliest set that has an effect at a path."""
+        """The likeliest set with an effect at a path."""
         return next((s for s in self.sets if path in s.state.paths), None)
 
     def without(self, refused: Explanation) -> Explanations:
-        """The other sets."""
+        """The sets without a refused one."""
         return Explanations(tuple(s for s in self.sets if s is not refused))
 
 
@@ -116,8 +116,8 @@ def explanations(
 ) -> Explanations:
     """All sets that explain a record nearly as well as the one that rounds have chosen.
 
-    rounds: that have chosen an effect each, fitted together in the state.  survivals: what halves of the record say of
-    them.  most: effects in a set.  search: one round beside a state and the trials it has; None where it finds nothing.
+    rounds: each has chosen an effect, all fitted together in the state.  survivals: the results of the halves for them.
+    most: effects in a set.  search: one round beside a state and its trials; None if it finds nothing.
     """
     first = explanation(bench, state, rounds)
     found = {meaning(state.plant, first.candidates): first}
@@ -130,7 +130,7 @@ def explanations(
 
     singles: list[list[Explanation]] = []
     for number, (made, survived) in enumerate(zip(rounds, survivals, strict=True)):
-        followed = number + 1 < len(rounds) and bench.followed <= FEW_STATES  # elsewhere it takes minutes
+        followed = number + 1 < len(rounds) and bench.followed <= FEW_STATES  # with more states it takes minutes
         others = [t for t in rivals_of_round(made, survived, followed) if t.candidate not in first.candidates]
         replaced = [s for s in _replaced(bench, first, number, others) if _possible(bench, s, s.trials[number])]
         for own in replaced:
@@ -148,9 +148,9 @@ def explanations(
 
 
 def meaning(plant: Plant, candidates: Collection[Candidate]) -> frozenset:
-    """The effects, or what is the same for any sets of them that say the same.
+    """A key of the effects, the same for equivalent sets of them.
 
-    An effect in one of two logs and in the other says no more than one in both that has changed.
+    An effect in one of two logs and in the other is equivalent to one in both that has changed.
     """
     if not isinstance(plant, ChangingPlant):
         return frozenset(candidates)
@@ -164,15 +164,15 @@ def meaning(plant: Plant, candidates: Collection[Candidate]) -> frozenset:
 
 
 def _span(rows: np.ndarray) -> tuple[float, ...]:
-    """The projection on the span of some rows, rounded: the same for any rows that span the same."""
+    """The projection on the span of some rows, rounded: the same for any rows with the same span."""
     return tuple(np.round(np.linalg.pinv(rows) @ rows, 6).ravel() + 0.0)
 
 
 def rivals_of_round(made: Round, survived: Survival, followed: bool = False) -> list[Trial]:
-    """The fitted trials of a round that may take the chosen one's place: tied with it, or chosen by halves instead.
+    """The fitted trials of a round that may replace the chosen one: tied with it, or chosen by halves instead.
 
-    followed: whether other effects came after it; then all that passed, or would have but for a limit of their size,
-    since they were compared without these.
+    followed: whether other effects came after it.  Then all that passed are included, and those that failed only by a
+    limit of their size, since they were compared without the later effects.
     """
     preferred = [t for t in made.trials if not set(survived.rivals).isdisjoint(t.candidate.paths)]
     passed = [t for t in made.trials if t.objection in ("", LIMITED)] if followed else []
@@ -185,10 +185,10 @@ def rivals_of_round(made: Round, survived: Survival, followed: bool = False) -> 
 def likeliest(
     found: Explanations, first: Sequence[Round], passes: Callable[[Explanation], Explanation | None]
 ) -> tuple[Explanation, Explanations]:
-    """The set that is reported, and all that are left: the likeliest that passes the gate, or the chosen one.
+    """The set to report, and all sets that remain: the likeliest that passes the gate, or the chosen one.
 
-    passes: the set as it passes the gate, perhaps without effects that are idle in it, or None.  One that is likelier
-    by no more than stopped fits may make it does not take the chosen one's place.
+    passes: returns the set as it passes the gate, perhaps without its idle effects, or None.  A set does not replace
+    the chosen one if it is likelier only by what early stops of fits may cause.
     """
     own = next(s for s in found.sets if s.candidates == {r.chosen.candidate for r in first if r.chosen is not None})
     for other in found.sets:
@@ -203,7 +203,7 @@ def likeliest(
 
 
 def tied_rounds(found: Explanations, rounds: Sequence[Round], survivals: Sequence[Survival]) -> tuple[Round, ...]:
-    """The rounds, each tied with the trials that are as probable in its effect's place as `LEAST_PROBABLE`."""
+    """The rounds, each tied with the trials of a probability of at least `LEAST_PROBABLE` in its effect's place."""
     used, told = {r.chosen.candidate for r in rounds if r.chosen is not None}, []
     for number, (made, survived) in enumerate(zip(rounds, survivals, strict=True), 1):
         others = [t for t in rivals_of_round(made, survived, number < len(rounds)) if t.candidate not in used]
@@ -214,7 +214,7 @@ def tied_rounds(found: Explanations, rounds: Sequence[Round], survivals: Sequenc
 
 
 def explanation(bench: Workbench, state: State, rounds: Sequence[Round]) -> Explanation:
-    """The set of what rounds have chosen, fitted in a state, with its cost."""
+    """The set of effects that rounds have chosen, as fitted in a state, with its cost."""
     trials = [r.chosen for r in rounds if r.chosen is not None]
     free = sum(p in state.paths for t in trials for p in t.candidate.free)
     price = PRICE * (free + sum(float(np.log(t.screening.tried)) for t in trials))
@@ -233,7 +233,7 @@ def explanation(bench: Workbench, state: State, rounds: Sequence[Round]) -> Expl
 
 
 def _replaced(bench: Workbench, first: Explanation, number: int, others: Sequence[Trial]) -> list[Explanation]:
-    """The chosen set with each of the others in one effect's place, fitted again."""
+    """The chosen set with each of the others in one effect's place, refitted."""
     if not others:
         return []
     made, chosen = first.rounds[number], first.trials[number]
@@ -245,7 +245,7 @@ def _replaced(bench: Workbench, first: Explanation, number: int, others: Sequenc
         paths = (*kept, *(p for p in other.candidate.free if p not in kept))
         rounds = [*first.rounds]
         rounds[number] = replace(made, chosen=other, tied=(chosen, *(t for t in made.tied if t is not other)))
-        if set(other.state.paths) == set(paths):  # nothing came after it: the trial is that set already
+        if set(other.state.paths) == set(paths):  # no effect came after it: the trial is that set already
             return explanation(bench, other.state, rounds)
         ways = [way for way in alike[other.candidate] if way.cosine >= ALIKE]
         starts = [(plant, first.state) for plant in imitations(replace(chosen, state=first.state), other, ways)]
@@ -260,7 +260,7 @@ def _replaced(bench: Workbench, first: Explanation, number: int, others: Sequenc
 
 
 def _possible(bench: Workbench, made: Explanation, trial: Trial) -> bool:
-    """Whether an effect is within the limits of its size, where those have spoken against it before others came."""
+    """Whether an effect is within the limits of its size, if its trial without the later effects was not."""
     own = [p for p in trial.candidate.free if p in made.state.paths] if trial.objection == LIMITED else []
     return not any(effect_size(made.state.plant, p, bench.problem.bounds(p)).limited for p in own)
 
@@ -268,7 +268,7 @@ def _possible(bench: Workbench, made: Explanation, trial: Trial) -> bool:
 def _needing_less(bench: Workbench, own: Explanation, number: int, cost: float) -> Iterator[Explanation]:
     """The set without effects that the one in a round's place makes needless, one after the other.
 
-    Only where that could make the set one that matters.
+    Only if the set could then matter.
     """
     while len(own.rounds) > 1 and own.cost - PRICE * len(own.rounds) < cost + TIE:
         keep = own.trials[min(number, len(own.trials) - 1)]
@@ -291,7 +291,7 @@ def _needing_less(bench: Workbench, own: Explanation, number: int, cost: float) 
 
 
 def _behind(replaced: Sequence[Explanation], first: Explanation, found: dict) -> list[Explanation]:
-    """Sets with another effect that lost beside what came after it, though nothing was sought beside it yet."""
+    """Sets whose other effect lost beside the effects found later, although nothing has been searched beside it yet."""
     least = {}
     for made in found.values():
         for candidate in made.candidates - first.candidates:
@@ -304,7 +304,7 @@ def _behind(replaced: Sequence[Explanation], first: Explanation, found: dict) ->
 def _searched(
     bench: Workbench, own: Explanation, number: int, first: Explanation, most: int, search: Search
 ) -> Iterator[Explanation]:
-    """Sets of what one more round finds beside an effect and those before it, and with those after it that fit in."""
+    """Sets of what one more round finds beside an effect and the earlier ones, and with later ones that fit in."""
     if number + 1 == len(own.rounds):
         return
     earlier, member = own.rounds[: number + 1], own.trials[number]
@@ -312,7 +312,7 @@ def _searched(
     if set(member.state.paths) & {p for t in first.trials for p in t.candidate.free} != {
         p for t in own.trials[:number] for p in t.candidate.free if p in member.state.paths
     }:
-        return  # it was tried beside effects that are gone
+        return  # it was tried beside effects that are no longer there
     again = search(member.state, own.trials[: number + 1])
     if again is None or again.chosen is None or again.chosen.state is None:
         return
@@ -333,7 +333,7 @@ def _searched(
 def _combined(
     first: Explanation, singles: Sequence[Sequence[Explanation]], least: float
 ) -> Iterator[list[Explanation]]:
-    """Several effects replaced at once, as far as the sum of what each costs is a tie: the set and its ingredients."""
+    """Sets with several effects replaced at once, if the sum of their costs is a tie: each set and its ingredients."""
     for choice in product(*([None, *own] for own in singles)):
         taken = [(i, s) for i, s in enumerate(choice) if s is not None]
         if len(taken) < 2 or first.cost + sum(s.cost - first.cost for _, s in taken) > least + TIE:
@@ -347,7 +347,7 @@ def _combined(
 
 
 def _joined(bench: Workbench, several: Sequence[Explanation]) -> Explanation:
-    """The first set with the effects of the others, each at the value it has there, fitted together."""
+    """The first set with the effects of the others, each at its value there, fitted together."""
     state, rounds = several[0].state, list(several[0].rounds)
     values: dict[str, float] = {}
     for other in several[1:]:

@@ -1,4 +1,4 @@
-"""A bench with the noises that only what a search leaves can show, and its states beside them."""
+"""A bench, and the states of a search, with the noises that only the residuals of the search can show."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from identification.fit.further_noises import begun_beside, further_noises
 def with_further_noises(
     bench: Workbench, states: Sequence[State], waves_alone: bool = False
 ) -> tuple[Workbench, list[State]]:
-    """A bench with the noises that make the first of some states likelier, and all of them on it.
+    """A bench with the noises that make the first of some states likelier, and all of the states on it.
 
-    The same bench, and the states as they are, where none is likelier.  waves_alone: see `further_noises`.
+    The bench and the states are unchanged if no noise is likelier.  waves_alone: see `further_noises`.
     """
     first, *others = states
     found = further_noises(bench.problem, first.plant, first.paths, first.point, waves_alone)
@@ -31,5 +31,5 @@ def with_further_noises(
 
 
 def _begun(bench: Workbench, state: State) -> State:
-    """A state of the bench without its last noises, with noises that suit it, all else held."""
+    """A state of the bench, from one without its last noises: noises fitted, all else held."""
     return State(state.plant, state.paths, begun_beside(bench.problem, state.point, state.paths))

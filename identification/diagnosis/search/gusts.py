@@ -1,4 +1,4 @@
-"""Whether what pushes a vehicle is stronger at some times than at others, or lasts longer than noise."""
+"""Tests of whether random accelerations are stronger at some times than at others, or last too long for noise."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from identification.deciding import GUST_PARTS, LEFT
 from identification.fit.followed import Point
 from identification.fit.prediction_errors import PredictionErrors
 
-_SMALL_STEP = 0.05  # of the logarithm of a strength, for its information
-_LONGER = np.exp([0.5, 1.0, 2.0, 3.0])  # times the longest correlation time, that are tried
+_SMALL_STEP = 0.05  # change of the logarithm of a strength, for its information
+_LONGER = np.exp([0.5, 1.0, 2.0, 3.0])  # factors of the longest correlation time that are tried
 
 
 def gusts(problem: PredictionErrors, point: Point) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The velocities whose random accelerations are surely stronger in some part of the record than throughout.
+    """The velocities whose random accelerations are surely stronger in some part of the record, and such channels.
 
-    And the channels whose lasting errors are.
-    By the slopes of the log-likelihood of equal parts by an acceleration's strength (a score test; Rao 1948,
-    Proceedings of the Cambridge Philosophical Society 44).  With an information of n/2 in a part, twice the slope and n
-    is distributed nearly as chi-square with n degrees of freedom, and exactly where the acceleration is read directly.
-    `LEFT` is the probability of a yes where they are steady, shared among all accelerations and parts.
+    The channels are those with lasting errors.  The test uses the slopes of the log-likelihood of equal parts by an
+    acceleration's strength (a score test; Rao 1948, Proceedings of the Cambridge Philosophical Society 44).  With an
+    information of n/2 in a part, twice the slope plus n is distributed nearly as chi-square with n degrees of freedom,
+    and exactly if the acceleration is measured directly.
+    `LEFT` is the probability of a false alarm, shared among all accelerations and parts.
     """
     if point.system is None or not problem.pushes(point).any():
         return (), ()
@@ -40,9 +40,10 @@ def gusts(problem: PredictionErrors, point: Point) -> tuple[tuple[str, ...], tup
 
 
 def slow(problem: PredictionErrors, point: Point) -> tuple[str, ...]:
-    """What is pushed by noise that surely lasts longer than any may: an effect that acts slowly looks like that.
+    """The states pushed by noise that surely lasts longer than any noise may, like an effect that acts slowly.
 
-    By the likelihood of longer correlation times, the strength at high frequencies held, at the level `LEFT`.
+    The test compares the likelihoods of longer correlation times, with the strength at high frequencies held, at the
+    level `LEFT`.
     """
     system = point.system
     if system is None:

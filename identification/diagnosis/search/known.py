@@ -22,9 +22,10 @@ Found = TypeVar("Found", bound=tuple[Any, ...])
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """What is fitted before anything is sought.
+    """The fits before any search.
 
-    coefficients: paths that are free.  given: the vehicle as it came, noises fitted.  nominal: with its coefficients.
+    coefficients: paths that are free.  given: the vehicle as it came, with fitted noises.  nominal: with its
+    coefficients.
     """
 
     bench: Workbench
@@ -34,23 +35,23 @@ class Known:
 
     @property
     def plant(self) -> Plant:
-        """The vehicle as given, in the steps of the fits."""
+        """The vehicle as given, in the integration steps of the fits."""
         return self.bench.plant
 
     def in_suited_steps(self, state: State) -> Known:
-        """The same fits in shorter steps of integration if the present ones move the filter of a state, else these."""
+        """The same fits in shorter integration steps if the present ones move the filter of a state, else unchanged."""
         return self.on(self.bench.in_suited_steps(state))
 
     def suited_to(self, state: State) -> Known:
-        """The same fits to readings averaged over less time, or in shorter steps, if the present ones mislead a state.
+        """The same fits with shorter averages or integration steps if the present ones mislead a state, else unchanged.
 
-        Of a state that a search has ended with: what is missing may mislead in another way.
+        state: the end of a search; before it, missing effects may mislead in another way.
         """
         rows = self.bench.in_suited_rows(state)
         return self.in_suited_steps(state) if rows is self.bench else self.on(rows)
 
     def on(self, bench: Workbench) -> Known:
-        """The same fits on a bench in other steps or rows."""
+        """The same fits on a bench with other steps or rows."""
         if bench is self.bench:
             return self
         given = bench.taken_over(self.given)
@@ -58,18 +59,18 @@ class Known:
         return Known(bench, self.coefficients, given, nominal)
 
     def with_further_noises(self, state: State) -> tuple[Known, State]:
-        """The same fits with the noises of a sea and of sensors that a state's errors show, else these; the state.
+        """The same fits with waves and lasting sensor errors that a state's errors show, if any; and the state.
 
-        Of a state with the effects that a search has found: what these do is no noise.
+        state: with the effects that a search has found, so that these are not taken for noise.
         """
         return self._noisier(state, waves_alone=False)
 
     def with_waves(self) -> Known:
-        """The same fits with waves that the errors show before any search, else these."""
+        """The same fits with waves that the errors show before any search, if any."""
         return self._noisier(self.nominal, waves_alone=True)[0]
 
     def _noisier(self, state: State, waves_alone: bool) -> tuple[Known, State]:
-        states = list(dict.fromkeys([state, self.given, self.nominal]))  # any two may be one
+        states = list(dict.fromkeys([state, self.given, self.nominal]))  # some may be identical
         bench, found = with_further_noises(self.bench, states, waves_alone)
         if bench is self.bench:
             return self, state
@@ -77,7 +78,7 @@ class Known:
         return Known(bench, self.coefficients, there[self.given], there[self.nominal]), there[state]
 
     def beside_noises(self, state: State, search: Callable[[Known], Found], count: int) -> Found | None:
-        """What a search finds beside the noises that a state's errors show; None without any, or if led astray.
+        """The result of a search beside the noises that a state's errors show; None without any, or if it went astray.
 
         search: returns the fits, the state that it found, and more.  count: of all candidates, for the bar.
         """
@@ -90,9 +91,10 @@ class Known:
     def led_astray(self, state: State, again: Known, there: State, count: int) -> bool:
         """Whether a search beside these noises explains the record less well than what was found without them.
 
-        By the likelihood beside the same noises, or by free runs: noises may take an effect's part, but foretell
-        nothing.
-        state: what was found without them, fitted beside them.  again, there: the fits of the search, what it found.
+        Both the likelihood beside the same noises and free runs are compared: noises may take an effect's place, but
+        predict nothing.
+        state: what was found without them, fitted beside them.  again, there: the fits of the search, and what it
+        found.
         count: of all candidates, for the bar.
         """
         bench = self.bench
@@ -102,10 +104,10 @@ class Known:
         return 2.0 * ahead > more * threshold(count) or bench.nearer(there, state) > FORETELLS
 
     def out_of_valley(self, trials: Sequence[Trial], bar: float) -> Known:
-        """The same, its nominal fit gone on from the end of the likeliest trial, if that is likelier; else these.
+        """The fits with the nominal one continued from the end of the likeliest trial, if likelier, else unchanged.
 
-        trials: of which none was accepted.  Where one gains more than chance without a size that is certain, it has
-        found the way on that the fit without it had missed.  bar: evidence that chance does not reach.
+        trials: of which none was accepted.  If one gains more than chance without a certain size, it has found a path
+        that the fit without it had missed.  bar: evidence that chance does not reach.
         """
         fitted = [t for t in trials if t.state is not None and t.train >= bar]
         if not fitted:
@@ -119,9 +121,9 @@ class Known:
 
 
 def fit_known(log: CheckedLog, progress: Progress) -> Known:
-    """The fits of a vehicle without effects, in steps of integration that suit them.
+    """The fits of a vehicle without effects, in suitable integration steps.
 
-    Of a log that looks mislabelled nothing is refitted.
+    For a log that looks mislabelled, nothing is refitted.
     """
     bench = Workbench(log.plant, log.record, log.parts, log.asked.doubt, log.every_window)
     progress(0.02, "filtering with the vehicle as given")
@@ -137,7 +139,7 @@ def fit_known(log: CheckedLog, progress: Progress) -> Known:
 
 
 def _first_coefficients(bench: Workbench, given: State) -> tuple[str, ...]:
-    """Those of a first fit that the record's inputs excite, and that are not known exactly."""
+    """The coefficients of a first fit: those that the record's inputs excite and that are not known exactly."""
     plant, problem = bench.plant, bench.problem
     paths = tuple(p for p in plant.coefficients if plant.deviation(p, bench.doubt) > 0.0)
     if not paths or not given.finite:
@@ -148,10 +150,10 @@ def _first_coefficients(bench: Workbench, given: State) -> tuple[str, ...]:
 
 
 def _further_coefficients(bench: Workbench, state: State) -> tuple[str, ...]:
-    """The other doubted coefficients, without those that could not matter even all together.
+    """The other uncertain coefficients, without those that are negligible even all together.
 
-    A coefficient that is one deviation off, and held, moves no estimate by more standard errors than it moves the
-    errors of prediction by their deviations, root sum square over the record (Cauchy and Schwarz).
+    Holding a coefficient that is one deviation off moves an estimate, in standard errors, by at most the root sum
+    square over the record of its effect on the prediction errors, in their deviations (Cauchy and Schwarz).
     """
     plant, problem = bench.plant, bench.problem
     paths = [p for p in plant.doubted if p not in state.paths and 0.0 < plant.deviation(p, bench.doubt) < np.inf]

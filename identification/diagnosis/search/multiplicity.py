@@ -1,18 +1,19 @@
-"""The level of each of many tests at once that are correlated, and so fewer than they seem."""
+"""The significance level of each of many correlated tests, which count as fewer than they are."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.stats import chi2
 
-_DRAWS = 4000  # of all tests where there is nothing: at a level of 0.25 %, ten are beyond
-_NUMBERS = 400  # into which long signatures are summed up: correlations are off by a twentieth
+_DRAWS = 4000  # draws of all tests under the null hypothesis: at a level of 0.25 %, ten exceed the quantile
+_NUMBERS = 400  # length to which long signatures are reduced: correlations are off by a twentieth
 
 
 def summed_up(signatures: np.ndarray) -> np.ndarray:
-    """Signatures, (P, n), as few numbers each, (P, m), whose products are nearly the same.
+    """Signatures, (P, n), reduced to fewer numbers each, (P, m), with nearly the same inner products.
 
-    Sums with random signs over random groups (Charikar, Chen and Farach-Colton 2004, Theoretical Computer Science 312).
+    The numbers are sums with random signs over random groups (Charikar, Chen and Farach-Colton 2004, Theoretical
+    Computer Science 312).
     """
     size = signatures.shape[1]
     if size <= _NUMBERS:
@@ -24,11 +25,11 @@ def summed_up(signatures: np.ndarray) -> np.ndarray:
 
 
 def level_of_each(signatures: np.ndarray, level: float) -> float:
-    """The level of each of some tests at which all together are wrong in a share `level` of cases.
+    """The level of each of some tests at which the probability of any false alarm is `level`.
 
     signatures: (P, m); test k compares the square of its projection of noise, over its variance, with chi-square of one
-    degree of freedom.  The largest of these in draws of noise tells (Westfall and Young 1993, Resampling-Based Multiple
-    Testing, ch. 2); never below Bonferroni's.
+    degree of freedom.  The level comes from the largest of these in draws of noise (Westfall and Young 1993,
+    Resampling-Based Multiple Testing, ch. 2); it is never below Bonferroni's.
     """
     if level >= 1.0 or not len(signatures):
         return level

@@ -1,7 +1,7 @@
-"""Two effects that show only together: pairs screened by regression, the most promising ones fitted.
+"""Effects that show only in pairs: pairs are screened by regression, and the most promising ones fitted.
 
-Where two effects are missing, coefficients and process noise take what one of them leaves, and each by itself then
-explains next to nothing. With the coefficients as given and little process noise, both are to be seen at once.
+If two effects are missing, coefficients and process noise adapt to the second one, so that either effect alone explains
+next to nothing.  With the coefficients as given and little process noise, both become visible together.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from identification.diagnosis.search.workbench import State, Workbench
 def best_pair(
     bench: Workbench, state: State, left: Sequence[Candidate], count: int, instead: Candidate | None
 ) -> tuple[Trial, Trial] | None:
-    """The likeliest pair that passes the gate as one change, and each of the two beside the other; None without one.
+    """The likeliest pair that passes the gate as one change, each effect judged beside the other; None if none passes.
 
-    The trials hold the state with both.  left: what is not fitted yet, of `count` candidates, for the bar.
-    instead: an effect that is not in the state and that the pair must promise more than.
+    The trials hold the state with both.  left: effects not fitted yet, of `count` candidates, for the bar.
+    instead: an effect outside the state that the pair must exceed in evidence.
     """
     many = count * (count - 1) // 2
     promising = []
@@ -53,7 +53,7 @@ def best_pair(
 
 
 def _beside(bench: Workbench, both: State, one: Screening, count: int) -> Trial:
-    """One of a pair judged beside the other."""
+    """The trial of one effect of a pair, judged beside the other."""
     without = bench.without(both, one.candidate.paths)
     told = gate(bench, without, both, [(one.candidate, one)], count)
     return Trial(one.candidate, both, told.train, told.held, replace(one, evidence=told.train), told.objection)

@@ -1,4 +1,4 @@
-"""What the errors of a fitted filter still hold, which noise would not."""
+"""Tests of whether the errors of a fitted filter hold more than noise."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from identification.fit.validation import whiteness
 
 @dataclass(frozen=True)
 class Left:
-    """What the filter's errors still hold, which noise would not.
+    """What the filter's errors hold beyond noise.
 
-    coloured: channels whose errors are not white.  bursts: those whose errors are large at some times and small at
+    coloured: channels whose errors are not white.  bursts: channels whose errors are large at some times and small at
     others.  gusts: velocities that are pushed harder at some times.  misread: channels whose lasting errors are larger
-    at some times.  slow: what noise pushes that lasts longer than noise may.  depends: what they depend on most.
+    at some times.  slow: states pushed by noise that lasts too long.  depends: the strongest dependence on a signal.
     changes: a coefficient or an effect in which parts of the record contradict each other, or "".  passing: an effect
-    that the whole record does not show, but parts of it do, or "".
+    that parts of the record show but the whole does not, or "".
     """
 
     coloured: tuple[str, ...] = ()
@@ -44,15 +44,15 @@ class Left:
 
 
 def what_is_left(bench: Workbench, state: State) -> Left:
-    """What the errors of the filter hold that noise would not.
+    """What the errors of the filter hold beyond noise.
 
-    Process noise is taken to be random and steady: where it follows speeds, depths, angles or commands, or comes in
-    bursts, or lasts longer than any may, it is an effect that nobody knows.  A coefficient that differs from one part
-    of the record to the next is none, nor is a clock whose rate does.  Colour, bursts, gusts, slowness, dependence,
-    change and clock are a test each, and each sees something in a share `LEFT` of the records without.
+    Process noise is assumed to be random and steady: if it follows speeds, depths, angles or commands, comes in bursts,
+    or lasts too long, it is an unknown effect.  A coefficient that differs between parts of the record is no constant,
+    nor is a clock whose rate does.  Whiteness, bursts, gusts, slowness, dependence, change and clock are one test each,
+    with a false-alarm probability of `LEFT`.
     """
     problem, point = bench.problem, state.point
-    if not np.isfinite(point.scores).all():  # a filter that is lost explains nothing
+    if not np.isfinite(point.scores).all():  # a filter that diverged explains nothing
         return Left(tuple(problem.channels))
     level = LEFT / len(problem.channels)
     bursts = [
@@ -71,11 +71,10 @@ def what_is_left(bench: Workbench, state: State) -> Left:
 
 
 def passing_effect(bench: Workbench, state: State, candidates: Sequence[Candidate]) -> str:
-    """An effect of which parts of the record surely have different sizes, though its whole shows none; or "".
+    """An effect whose size surely differs between parts of the record, although the whole shows none; or "".
 
-    What begins, ends or slips within a record is none of the effects that last, and random accelerations take its
-    place: where they have grown for it, weaker ones are tried.  Of a vehicle with many states only the likeliest
-    effects are asked for.
+    Something that begins, ends or slips within a record is not a lasting effect, and random accelerations replace it:
+    weaker ones are tried, too.  For a vehicle with many states, only the likeliest effects are tested.
     """
     paths = list(dict.fromkeys(p for c in candidates if not c.jumps for p in c.paths if p not in state.paths))
     if not paths or not bench.goes_on("looked for an effect that acts in a part of the log"):
@@ -86,10 +85,10 @@ def passing_effect(bench: Workbench, state: State, candidates: Sequence[Candidat
 
 
 def likeliest_to_change(bench: Workbench, state: State, paths: Sequence[str], count: int) -> list[str]:
-    """The paths of which sixths of the record seem to have the most different sizes, so many of them.
+    """The `count` paths whose sizes seem to differ most between sixths of the record.
 
-    By a regression on what each does throughout, cut where the sixths begin: what it leaves behind there is left out,
-    which costs a column a path instead of six.
+    The regression uses the response to each path throughout, cut where the sixths begin.  It leaves out later
+    consequences of the earlier sixths, and costs one column a path instead of six.
     """
     problem, point = bench.problem, state.point
     regression = Regression(problem, point, state.paths, 0.0)
@@ -102,10 +101,10 @@ def likeliest_to_change(bench: Workbench, state: State, paths: Sequence[str], co
 
 
 def comes_in_bursts(error: np.ndarray, stretch: np.ndarray, level: float) -> bool:
-    """Whether a large error is surely followed by large ones more often than by chance, and that would predict squares.
+    """Whether large errors surely follow each other more often than by chance, enough to predict squared errors.
 
-    White errors of steady size have white squares.  A square counts up to `SURE` usual deviations, so that wild
-    readings make no burst.  level: probability of a yes where there are none.
+    White errors of steady size have white squares.  A square is limited to `SURE` usual deviations, so that outliers
+    make no burst.  level: probability of a false alarm.
     Source: McLeod and Li 1983, Journal of Time Series Analysis 4, pages 269-273.
     """
     usual = max(float(np.median(error**2)), 1e-300) / float(chi2.median(1))

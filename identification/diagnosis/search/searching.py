@@ -1,4 +1,4 @@
-"""Third step of a diagnosis: effects that make the vehicle agree with what no fit has counted."""
+"""Third step of a diagnosis: the search for effects by which the vehicle predicts held-out data."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from identification.diagnosis.search.workbench import State
 
 @dataclass(frozen=True, eq=False)
 class Searched:
-    """What a search found.
+    """The result of a search.
 
-    known: what was fitted before, in the steps of integration that suit what was found.
-    nominal, state: without and with the effects; nominal is the vehicle as given where its refit is refuted.
+    known: the fits before it, in integration steps that suit the result.
+    nominal, state: without and with the effects; nominal is the vehicle as given if its refit is refuted.
     rounds: those that chose the effects, and the last one.  left: what the errors still hold.
     """
 
@@ -38,10 +38,10 @@ class Searched:
 
 @dataclass(frozen=True, eq=False)
 class _Chosen:
-    """What forward selection has chosen.
+    """The result of forward selection.
 
-    noisier: where waves or sensor errors that last explain more beside what was chosen, the fits with these, and the
-    state beside them.
+    noisier: if waves or lasting sensor errors explain more beside the chosen effects, the fits with these noises, and
+    the state beside them.
     """
 
     known: Known
@@ -53,20 +53,20 @@ class _Chosen:
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """Those of the effects."""
+        """The paths of the chosen effects."""
         return tuple(p for made in self.rounds if made.chosen is not None for p in made.chosen.candidate.paths)
 
 
 def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searched:
-    """What a search finds, beside waves from the beginning where that suffices, else with effects first."""
+    """The result of a search, beside waves from the beginning if that suffices, else with effects first."""
     return _in_waves(log, known, progress) or _sought(log, known, progress)
 
 
 def _in_waves(log: CheckedLog, known: Known, progress: Progress) -> Searched | None:
-    """What a search finds beside waves that the errors show before it, which saves one search; None where none do.
+    """The result of a search beside waves that the errors show before it, which saves one search; or None.
 
-    And where they come to nothing beside what was found, nothing was found beside them, or something else is left: an
-    effect that makes the vehicle swing, or a sensor that does, may have looked like waves.
+    None if the errors show no waves, if the waves vanish beside the found effects, if nothing was found, or if
+    something is left: an effect that makes the vehicle oscillate, or an oscillating sensor, may have looked like waves.
     """
     progress(0.04, "looking for waves")
     noisier = known if log.slipped else known.with_waves()
@@ -77,23 +77,21 @@ def _in_waves(log: CheckedLog, known: Known, progress: Progress) -> Searched | N
 
 
 def _beside_waves(found: Searched) -> bool:
-    """Whether effects were found, and waves push the vehicle beside them, and nothing else is left."""
+    """Whether effects were found, waves push the vehicle beside them, and nothing else is left."""
     noise = found.known.bench.problem.noise_at(found.state.point)
     waves = any(len(pushed) >= LEAST_OF_SWELL for pushed in noise.swell.values())
     return waves and not found.left and any(made.chosen is not None for made in found.rounds)
 
 
 def _sought(log: CheckedLog, known: Known, progress: Progress, sought: Collection[str] = ()) -> Searched:
-    """Forward selection, what it chose confirmed, and second thoughts where something is left.
+    """The result of forward selection, its confirmation, and second thoughts if something is left.
 
-    Where the steps of integration turn out to be too long for what was found, all is repeated in shorter ones: an
-    effect that is there leaves less noise than its absence.  So it is where trials show that the fit without any effect
-    has stopped too early, and where the errors beside what was found show waves, or readings whose errors last: beside
-    these, effects and differences between parts seem more certain than they are.  That search counts unless it has lost
-    the way.
+    If the integration steps are too long for the result, all is repeated in shorter ones: a model with the missing
+    effect has less noise.  It is also repeated if trials show that the fit without effects has stopped too early, or if
+    the errors beside the found effects show waves or lasting sensor errors: without these noises, effects and
+    differences between parts seem more certain than they are.  That search counts unless it went astray.
 
-    sought: paths that are fitted to the end whatever they promise; beside further noises, those that were chosen
-    without them.
+    sought: paths that are fitted to the end whatever they promise; beside further noises, those chosen without them.
     """
     found: Searched | Known = known
     while isinstance(found, Known):
@@ -111,7 +109,7 @@ def _sought(log: CheckedLog, known: Known, progress: Progress, sought: Collectio
 
 
 def may_differ(searched: Searched) -> list[str]:
-    """Paths of the effects that one of several logs may have alone: all, or of many states those that differ most."""
+    """Paths of the effects that one of several logs may have alone: all, or with many states those that differ most."""
     paths = [p for c in searched.candidates if c.sloped for p in c.paths]
     bench = searched.known.bench
     if bench.followed <= FEW_STATES:
@@ -121,7 +119,7 @@ def may_differ(searched: Searched) -> list[str]:
 
 
 def _selected(log: CheckedLog, known: Known, progress: Progress, sought: Collection[str]) -> _Chosen | Known:
-    """Forward selection, or what was fitted before it where that must be repeated."""
+    """The result of forward selection, or the fits before it if the selection must be repeated."""
     bench, nominal = known.bench, known.nominal
     kinematics = kinematic_findings(log.record, bench.plant)
     candidates = [] if log.slipped else candidates_of(bench.plant, log.record)
@@ -143,7 +141,7 @@ def _selected(log: CheckedLog, known: Known, progress: Progress, sought: Collect
 
 
 def _reconsidered(log: CheckedLog, chosen: _Chosen, progress: Progress) -> Searched | Known:
-    """What forward selection has chosen, confirmed, and second thoughts; or what must be repeated."""
+    """The confirmed result of forward selection after second thoughts; or the fits if it must be repeated."""
     known, state, rounds, candidates = chosen.known, chosen.state, list(chosen.rounds), chosen.candidates
     bench, nominal, given, most = known.bench, known.nominal, known.given, log.asked.most
     kinematics = chosen.kinematics
@@ -154,7 +152,7 @@ def _reconsidered(log: CheckedLog, chosen: _Chosen, progress: Progress) -> Searc
     if rounds and (left or bench.problem.is_pushed(state.point)) and bench.goes_on("tried pairs of effects"):
         progress(0.8, "trying pairs of effects")
         again, rounds = second.paired(state, rounds)
-    few = bench.followed <= FEW_STATES  # elsewhere it takes minutes
+    few = bench.followed <= FEW_STATES  # with more states it takes minutes
     if rounds and few and bench.goes_on("tried pairs of effects in each one's place"):
         progress(0.82, "trying pairs of effects in each one's place")
         again, rounds = second.paired_instead(again, rounds)
@@ -167,7 +165,7 @@ def _reconsidered(log: CheckedLog, chosen: _Chosen, progress: Progress) -> Searc
             state = again
             left = what_is_left(bench, state)
     if state is nominal and left and not what_is_left(bench, given):
-        state = nominal = given  # what the errors refute is the refit, not the vehicle
+        state = nominal = given  # the errors refute the refit, not the vehicle as given
         left = what_is_left(bench, given)
     suited = known.suited_to(state)
     if suited is known:
@@ -178,7 +176,7 @@ def _reconsidered(log: CheckedLog, chosen: _Chosen, progress: Progress) -> Searc
 
 
 def _in_single_readings(known: Known, state: State, left: Left) -> Known:
-    """The same fits to single readings, if what is left depends on a command and these leave nothing; else these.
+    """The fits to single readings, if only averaging makes the errors depend on a command; else the fits unchanged.
 
     Commands that answer readings within an average, which the filter has not seen, look as if pushes followed them.
     """

@@ -1,4 +1,4 @@
-"""Which of many regressors explain a residual in most halves of the data: stability selection."""
+"""Stability selection: the regressors that explain a residual in most halves of the data."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from scipy import stats
 
 from identification.deciding import ALIKE, LEVEL, SEEN
 
-_MOST = 3  # regressors that are chosen in a half
-_DRAWS = 50  # pairs of halves
+_MOST = 3  # most regressors chosen in a half
+_DRAWS = 50  # number of pairs of halves
 
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """What forward selection chose in halves of the data, and what all of the data says.
+    """The choices of forward selection in halves of the data, and the regression on all of the data.
 
     frequency: (P,), share of the halves that chose the regressor or one `ALIKE`.  evidence: (P,), gain in twice the
     log-likelihood of each alone.  estimate: (P,), coefficient of each alone.  cosine: (P, P), beside the nuisances.
@@ -36,8 +36,8 @@ def select(
 ) -> Selection:
     """Stability selection by forward selection in pairs of complementary halves of blocks.
 
-    columns: (P, N), nuisance: (K, N), always in the regression; residual: (N,), of unit variance but for what is
-    missing; blocks: (N,), the number of each value's block.
+    columns: (P, N), nuisance: (K, N), always in the regression; residual: (N,), of unit variance apart from missing
+    terms; blocks: (N,), the number of each value's block.
     Source: Meinshausen and Buhlmann 2010; complementary pairs by Shah and Samworth 2013.
     """
     count = len(columns)
@@ -64,7 +64,7 @@ def select(
 
 
 def _swept(gram: np.ndarray, count: int) -> np.ndarray:
-    """The Gram matrix of what the first `count` rows leave of the others."""
+    """The Gram matrix of the other rows with the first `count` rows projected out."""
     if count == 0:
         return gram
     inner, mixed = gram[:count, :count], gram[:count, count:]
@@ -72,7 +72,7 @@ def _swept(gram: np.ndarray, count: int) -> np.ndarray:
 
 
 def _forward(gram: np.ndarray, seen: np.ndarray, size: int, bar: float) -> list[int]:
-    """Regressors in the order in which each gains most, up to `_MOST`, while the gain in evidence is above the bar.
+    """Regressors in the order of the greatest gain, up to `_MOST`, while the gain in evidence is above the bar.
 
     gram: (P + 1, P + 1), the last row is the residual's.
     """

@@ -1,4 +1,4 @@
-"""Second thoughts on a forward selection that leaves something: pairs that work only together, and swaps."""
+"""Second thoughts on a forward selection with remaining errors: pairs that work only together, and swaps."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from identification.diagnosis.search.pairs import best_pair
 from identification.diagnosis.search.trials import Trial
 from identification.diagnosis.search.workbench import State, Workbench
 
-SWEEPS = 2  # over all chosen effects, at most
+SWEEPS = 2  # most sweeps over all chosen effects
 
 
 @dataclass(frozen=True, eq=False)
 class Reconsidering:
-    """A forward selection taken up again: all candidates, how many effects are allowed, and what kinematics says.
+    """A forward selection to be improved: all candidates, the largest number of effects, and the kinematic findings.
 
-    What it finds has yet to be `confirmed`: an effect that it puts in may make another one idle.
+    Its results still have to be `confirmed`: an effect that it adds may make another one idle.
     """
 
     bench: Workbench
@@ -29,7 +29,7 @@ class Reconsidering:
     sensors: Sequence[Mismatch]
 
     def paired(self, state: State, rounds: Sequence[Round]) -> tuple[State, list[Round]]:
-        """With two effects more, of which neither passes alone: the likeliest pair, see `best_pair`."""
+        """Add two effects of which neither passes alone: the likeliest pair, see `best_pair`."""
         if not rounds or len(_chosen(rounds)) + 2 > self.most:
             return state, list(rounds)
         pair = self._best_pair(state, rounds)
@@ -37,14 +37,14 @@ class Reconsidering:
         return (state, list(rounds)) if pair is None else self._with_pair(state, kept, rounds[-1].trials, pair)
 
     def paired_instead(self, state: State, rounds: Sequence[Round]) -> tuple[State, list[Round]]:
-        """With two effects in the place of one, where they are likelier by what one more must bring.
+        """Replace one effect by two, if these are likelier by the bar for one more parameter.
 
-        What comes first in a selection may do a part of what two others do, neither of which helps beside it.
+        An effect that a selection finds first may stand for part of two others, neither of which helps beside it.
         """
         best, rounds, count = None, list(rounds), len(self.candidates)
         if len(_chosen(rounds)) + 1 > self.most:
             return state, rounds
-        bar = threshold(count * (count - 1) // 2)  # there is one parameter more, and so many pairs to choose from
+        bar = threshold(count * (count - 1) // 2)  # one parameter more, chosen from so many pairs
         for number, made in _numbered(rounds):
             without = self._without(state, made)
             pair = self._best_pair(without, rounds, made.candidate)
@@ -68,18 +68,18 @@ class Reconsidering:
     def _with_pair(
         self, state: State, kept: Sequence[Round], trials: Sequence[Trial], pair: tuple[Trial, Trial]
     ) -> tuple[State, list[Round]]:
-        """A state with a pair, fitted, and the rounds with it; trials: of a round beside which the pair stands."""
+        """A fitted state with a pair, and the rounds with it; trials: of a round, to which the pair is added."""
         after = pair[0].state
         assert after is not None
         begun = [Round((t, *trials), t, (), {}, before=state) for t in pair]
         state = self.bench.fit(after.plant, after.paths, after)
-        return self.swapped(state, [*kept, *begun], pair)  # which also finds what is tied with each
+        return self.swapped(state, [*kept, *begun], pair)  # which also finds the ties of each
 
     def swapped(self, state: State, rounds: Sequence[Round], new: Sequence[Trial] = ()) -> tuple[State, list[Round]]:
-        """Every chosen effect taken out and the best of all candidates, itself included, put in, while that helps.
+        """Replace every chosen effect by the best of all candidates, itself included, while that helps.
 
-        A fit that stopped in a valley starts anew by it.  new: those that no round has chosen yet; if there are any,
-        only these are taken out.
+        A fit that stopped in a valley starts again in this way.  new: effects that no round has chosen yet; if there
+        are any, only these are replaced.
         """
         bar, rounds = threshold(len(self.candidates)), list(rounds)
         for _ in range(SWEEPS):

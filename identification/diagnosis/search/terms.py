@@ -22,9 +22,9 @@ TINY = 1e-6  # size of a term, in its unit, for its signature: far below any eff
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A term fitted jointly with all else.
+    """A term, fitted together with all else.
 
-    frequency: share of the halves that chose it or one alike.  alike: those that explain the record as well.
+    frequency: share of the halves that chose it or a similar one.  alike: those that explain the record as well.
     """
 
     path: str
@@ -35,13 +35,13 @@ class Found:
 
 
 def search(bench: Workbench, state: State, library: Sequence[str], rng: np.random.Generator) -> Found | None:
-    """The term that explains most beside what is fitted, if one is chosen stably.
+    """The term that explains most beside the fitted parameters, if one is chosen stably.
 
-    Beside weaker process noise, too, as this may have grown to take the term's part.
+    Weaker process noise is tried, too, since noise may have grown to take the term's place.
     """
     best = None
     for base in (state, *bench.with_given(state), *bench.quieted(state)):
-        free = replace(base, paths=state.paths)  # coefficients as given are as free as fitted ones
+        free = replace(base, paths=state.paths)  # coefficients at their given values are as free as fitted ones
         selection, scales = selection_of(bench, free, library, rng)
         found = _best(bench, state, base, library, selection, scales)
         if found and (best is None or bench.gain(best.state, found.state) > 0.0):
@@ -54,7 +54,7 @@ def selection_of(
 ) -> tuple[Selection, dict[str, float]]:
     """The stability selection of the errors on the terms' signatures, and each term's size that shifts by one sigma.
 
-    Signatures are taken at a size far below any effect's, since what size matters is not known before.
+    Signatures are taken at a size far below that of any effect, since the relevant size is not known beforehand.
     """
     problem, point = bench.problem, state.point
     unit = problem.scaled(dict.fromkeys(library, 1.0))
@@ -82,7 +82,7 @@ def term_interval(bench: Workbench, found: Found) -> tuple[float, tuple[float, f
 
 
 def _blocks(window: np.ndarray) -> np.ndarray:
-    """The number of each row's block: windows, cut where there are few of them.  window: (rows,), in order."""
+    """The block number of each row: windows, divided if there are few of them.  window: (rows,), in order."""
     _, lengths = np.unique(window, return_counts=True)
     parts = int(np.ceil(BLOCKS / len(lengths)))
     numbers, first = [], 0
@@ -126,7 +126,10 @@ def _best(
 
 
 def _begun(problem: PredictionErrors, state: State, base: State, path: str, size: float) -> State | None:
-    """A few steps from a base, its gains held, with a term of what its signature promises, or less; None if lost."""
+    """A few steps from a base, gains held, with a term of the size that its signature promises, or less; or None.
+
+    None if the runs are not finite.
+    """
     paths = (*state.paths, path)
     plants = [replace_at(base.plant, path, share * size) for share in (1.0, 0.2, 0.02)]
     points = [problem.with_gains(base.point, plant.vector) for plant in plants]
@@ -139,7 +142,7 @@ def _begun(problem: PredictionErrors, state: State, base: State, path: str, size
 
 
 def _degree(path: str) -> float:
-    """How far from simple a term is: the number of its factors, and half of one for a modulus, sine or root."""
+    """The complexity of a term: the number of its factors, and half of one for a modulus, sine or root."""
     term = path.rpartition(".")[2]
     if term in ("depth", "pitch", "rudder", "elapsed", "temperature", "piston"):
         return 1.0

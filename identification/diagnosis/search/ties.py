@@ -1,4 +1,4 @@
-"""Which candidates a record does not tell from the chosen one: by evidence, and by the angle between signatures."""
+"""Ties: candidates that a record cannot tell from the chosen one, by evidence and by the angle of signatures."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from identification.diagnosis.search.workbench import Workbench
 
 @dataclass(frozen=True)
 class Likeness:
-    """How alike two effects act at the solution with one of them: by the angle between their signatures.
+    """The similarity of two effects at the solution with one of them: by the angle between their signatures.
 
-    sizes: of the other one's components, from neutral, that do most nearly the same.  evidence: what the difference
-    between them amounts to.  moves: changes of what else was fitted that go with it.
+    sizes: of the other effect's components, from neutral, that act most similarly.  evidence: that of the difference
+    between them.  moves: the accompanying changes of the other fitted parameters.
     """
 
     cosine: float
@@ -31,13 +31,13 @@ class Likeness:
 
 
 def likenesses(bench: Workbench, chosen: Trial, others: Sequence[Trial]) -> dict[Candidate, list[Likeness]]:
-    """The likenesses of others to the chosen one, by themselves, and with all else that is fitted refitted.
+    """The likenesses of others to the chosen one, alone, and with all other fitted parameters refitted.
 
-    The chosen one acts as it was fitted; an effect of several components may use them all to do the same.  A pump's
-    gain is a valve's only if the drag may change with it.
+    The chosen one acts as fitted; an effect of several components may use them all to match it.  A pump's gain is like
+    a valve's only if the drag may change with it.
     """
     found: dict[Candidate, list[Likeness]] = {t.candidate: [] for t in others}
-    others = [t for t in others if t.candidate.sloped]  # while it is neutral, its signature has any period
+    others = [t for t in others if t.candidate.sloped]  # the period of a neutral effect is arbitrary
     if not others:
         return found
     assert chosen.state is not None
@@ -47,7 +47,7 @@ def likenesses(bench: Workbench, chosen: Trial, others: Sequence[Trial]) -> dict
     flat = problem.counted_slopes(here, paths)
     moved = np.array([value_at(chosen.state.plant, p) - spec_at(problem.plant, p).neutral for p in own])
     moved /= [problem.scale(p) for p in own]
-    if chosen.candidate.jumps:  # all that it does
+    if chosen.candidate.jumps:  # its whole effect
         back = [(p, -float(size)) for p, size in zip(own, moved, strict=True)]
         flat[: len(own)] = problem.counted_flat(problem.columns_of(here, back))
     scale = float(np.linalg.norm(moved)) or 1.0
@@ -76,7 +76,7 @@ def likenesses(bench: Workbench, chosen: Trial, others: Sequence[Trial]) -> dict
 
 
 def imitations(chosen: Trial, other: Trial, ways: Sequence[Likeness]) -> list[Plant]:
-    """The vehicle of the chosen trial with another effect in its place that does nearly the same, for each way."""
+    """The vehicle of the chosen trial with another effect in its place that acts nearly the same, for each way."""
     assert chosen.state is not None
     here, found = chosen.state.plant, []
     for way in ways:
@@ -90,7 +90,7 @@ def imitations(chosen: Trial, other: Trial, ways: Sequence[Likeness]) -> list[Pl
 def least_cost_trial(bench: Workbench, accepted: Sequence[Trial]) -> Trial:
     """The likeliest accepted trial over all windows.
 
-    Of trials that differ by no more than a fit leaves open, the first one in the order of the vehicle's parameters.
+    If trials differ by no more than the precision of a fit, the first one in the order of the vehicle's parameters.
     """
     top = max(accepted, key=lambda t: t.total)
     costs = [float(_extra_cost(bench, top, t).sum()) + PRICE * len(t.candidate.paths) for t in accepted]
@@ -99,7 +99,7 @@ def least_cost_trial(bench: Workbench, accepted: Sequence[Trial]) -> Trial:
 
 
 def cheaper_rival(bench: Workbench, chosen: Trial, rivals: Sequence[Trial]) -> Trial:
-    """The rival that costs least, if by more than what a tie may differ; else the chosen one."""
+    """The rival of least cost, if it is cheaper by more than a tie; else the chosen one."""
     if not rivals:
         return chosen
     best = least_cost_trial(bench, [chosen, *rivals])
@@ -107,17 +107,17 @@ def cheaper_rival(bench: Workbench, chosen: Trial, rivals: Sequence[Trial]) -> T
 
 
 def _extra_cost(bench: Workbench, best: Trial, other: Trial) -> np.ndarray:
-    """What another trial costs more than the best, per window."""
+    """The cost of another trial above the best, per window."""
     assert best.state is not None
     assert other.state is not None
     return bench.costs(other.state) - bench.costs(best.state)
 
 
 def tied(bench: Workbench, best: Trial, other: Trial, alike: Sequence[Likeness]) -> bool:
-    """Whether the record as a whole does not tell two candidates apart; where its parts disagree, see `survival`.
+    """Whether the record as a whole cannot tell two candidates apart; for disagreement of its parts, see `survival`.
 
-    Also where their signatures differ by less than that: a fit that stopped a little early is no difference.  One that
-    only the parts refused belongs to the tie if it explains the whole as well as the best.
+    They are also tied if their signatures differ by less than that, since a fit that stopped a little early is no
+    difference.  A trial that only the parts refused is tied if it explains the whole as well as the best.
     """
     if other.state is None or other.objection not in ("", UNREPEATED):
         return False
