@@ -1,1 +1,1 @@
-"""Least-squares support vector machines: regression, hulls, nonlinear difference equations, diving models."""
+"""Least-squares support vector machines: regression, hull forces, nonlinear difference equations, diving models."""

@@ -1,6 +1,6 @@
 """The linear system of LS-SVM regression, solved with its leave-one-out errors by Cholesky or by eigenvalues.
 
-The system is [[0, 1'], [1, H]] [bias; coefficients] = [0; y] with H = K + diag(1 / (C weights)). Its border is
+The system is [[0, 1'], [1, H]] [bias; coefficients] = [0; y] with H = K + diag(1 / (C weights)).  Its border is
 eliminated: coefficients = G y with G = inv(H) - inv(H) 1 1' inv(H) / (1' inv(H) 1), and the error of sample i by the
 machine trained without it is coefficients[i] / G[i, i].
 Source: Suykens, Van Gestel, De Brabanter, De Moor and Vandewalle 2002, Least Squares Support Vector Machines, sec. 3.1;
@@ -17,7 +17,7 @@ from scipy import linalg
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """coefficients and leave-one-out errors, (n, m), and bias (m,)."""
+    """Coefficients and leave-one-out errors, (n, m), and bias (m,)."""
 
     coefficients: np.ndarray
     bias: np.ndarray
@@ -27,20 +27,20 @@ class Solution:
 def squared_distances(scaled: np.ndarray) -> np.ndarray:
     """|x_i - x_j|^2 of rows, (n, n), exactly zero for equal rows."""
     square = np.zeros((len(scaled), len(scaled)))
-    for column in scaled.T:  # differences, not the product form: that loses the small distances of dense records
+    for column in scaled.T:  # not the product form, which loses the small distances of dense records
         square += np.subtract.outer(column, column) ** 2
     return square
 
 
 def solved(kernel: np.ndarray, ridge: np.ndarray, y: np.ndarray) -> Solution:
-    """The solution by Cholesky; raises LinAlgError where H is singular to rounding.
+    """The solution by Cholesky; raises LinAlgError if H is singular to rounding.
 
     kernel: (n, n).  ridge: diagonal 1 / (C weights), (n,).  y: (n, m).
     """
     factor = _factorised(kernel, ridge)
     solve, invert = linalg.get_lapack_funcs(("potrs", "potri"), (factor,))
-    level = y.mean(axis=0)  # G 1 = 0: the level goes to the bias with all its digits
-    # by the factor: products with an inverse would lose as many digits as the system is ill-conditioned
+    level = y.mean(axis=0)  # G 1 = 0, so the level goes to the bias without loss of digits
+    # solve with the factor: products with an inverse would lose digits if the system is ill-conditioned
     inverse, _ = solve(factor, np.column_stack([np.ones(len(y)), y - level]), lower=1)
     ones, bias = inverse[:, 0], inverse[:, 0] @ (y - level) / inverse[:, 0].sum()
     coefficients = inverse[:, 1:] - np.outer(ones, bias)
@@ -49,7 +49,7 @@ def solved(kernel: np.ndarray, ridge: np.ndarray, y: np.ndarray) -> Solution:
 
 
 def eliminated(kernel: np.ndarray, ridge: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """G (n, n) and inv(H) 1 (n,); raises LinAlgError where H is singular to rounding."""
+    """G (n, n) and inv(H) 1 (n,); raises LinAlgError if H is singular to rounding."""
     factor = _factorised(kernel, ridge)
     (invert,) = linalg.get_lapack_funcs(("potri",), (factor,))
     inverse, _ = invert(factor, lower=1, overwrite_c=1)
@@ -60,8 +60,8 @@ def eliminated(kernel: np.ndarray, ridge: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _factorised(kernel: np.ndarray, ridge: np.ndarray) -> np.ndarray:
-    """The lower Cholesky factor of H; raises LinAlgError where H is singular to rounding."""
-    full = kernel.copy().T  # symmetric: in the order that LAPACK works on in place
+    """The lower Cholesky factor of H; raises LinAlgError if H is singular to rounding."""
+    full = kernel.copy().T  # symmetric; in the memory order that LAPACK works on in place
     np.einsum("ii->i", full)[:] += ridge
     factorise, condition = linalg.get_lapack_funcs(("potrf", "pocon"), (full,))
     norm = np.abs(full).sum(axis=0).max()
@@ -76,7 +76,7 @@ def _factorised(kernel: np.ndarray, ridge: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """Eigenvalues of a weighted kernel matrix, which give the solution of every C in n^2 operations.
+    """Eigenvalues of a weighted kernel matrix, from which the solution for each C takes n^2 operations.
 
     values, vectors: of sqrt(weights) K sqrt(weights).  root: sqrt(weights), (n,).
     """

@@ -1,4 +1,4 @@
-"""Many samples as fewer: cells spread over the space of the inputs, each with the mean of its samples."""
+"""Reduction of many samples to cells spread over the space of the inputs, each with the mean of its samples."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from auv_gym.compiled import compiled
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Means of the samples in each cell, inputs x (n, d) and targets y (n, m), and how many they are, weights (n,)."""
+    """Means of the samples in each cell, inputs x (n, d) and targets y (n, m), and their numbers, weights (n,)."""
 
     x: np.ndarray
     y: np.ndarray
@@ -19,9 +19,9 @@ class Cells:
 
     @classmethod
     def of(cls, x: np.ndarray, y: np.ndarray, most: int) -> Cells:
-        """The samples in at most so many cells; each for itself where they are no more.
+        """The samples in at most `most` cells; one cell each if there are no more.
 
-        Each new centre is the sample farthest from all before, so that rare inputs have cells as common ones do.
+        Each new centre is the sample farthest from all earlier ones, so that rare inputs have cells as common ones do.
         Source: Gonzalez 1985, Theoretical Computer Science 38, 293-306.
         """
         if len(x) <= most:
@@ -39,7 +39,7 @@ class Cells:
 
 @compiled
 def _spread_out(x, first, most, number, square):
-    """The number of each sample's cell into number (n,); returns how many cells there are."""
+    """Write the number of each sample's cell into number (n,); return the number of cells."""
     centre = first
     for cell in range(most):
         farthest, distance = centre, 0.0
@@ -51,7 +51,7 @@ def _spread_out(x, first, most, number, square):
                 square[i], number[i] = total, cell
             if square[i] > distance:
                 farthest, distance = i, square[i]
-        if distance == 0.0:  # all that are left repeat a centre
+        if distance == 0.0:  # all remaining samples repeat a centre
             return cell + 1
         centre = farthest
     return most

@@ -1,4 +1,4 @@
-"""Which samples a fixed-size machine keeps as centres: far from each other, or of largest entropy."""
+"""The choice of samples as centres of a fixed-size machine: far from each other, or of largest entropy."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import numpy as np
 
 from auv_gym.compiled import compiled
 
-SWAPS_EACH = 40  # of the entropy, for each centre: it gains next to nothing after that
+SWAPS_EACH = 40  # tried swaps for each centre; more hardly raise the entropy
 
 
 def farthest(scaled: np.ndarray, size: int) -> np.ndarray:
-    """Rows of the samples (n, d) that are chosen one by one, each as far as can be from those before, (at most size,).
+    """Rows of the samples (n, d) chosen one by one, each as far as possible from the earlier ones, (at most size,).
 
-    The first is nearest to the mean.  Fewer come where the samples have no more that differ.
+    The first is nearest to the mean.  There are fewer if not enough samples differ.
     Source: Gonzalez 1985, Theoretical Computer Science 38 (farthest-first traversal).
     """
     first = int(np.argmin(np.sum((scaled - scaled.mean(axis=0)) ** 2, axis=1)))
@@ -22,7 +22,7 @@ def farthest(scaled: np.ndarray, size: int) -> np.ndarray:
 
 @compiled
 def _farthest(x, first, nearest, rows):
-    """Fills rows, and returns how many it found; nearest: (n,), inf."""
+    """Fill rows, and return how many were found; nearest: (n,), inf."""
     row = first
     for found in range(rows.shape[0]):
         rows[found] = row
@@ -43,12 +43,12 @@ def _farthest(x, first, nearest, rows):
 
 
 def of_largest_entropy(scaled: np.ndarray, size: int, rng: np.random.Generator) -> np.ndarray:
-    """Rows of `size` of the samples (n, d), at random, then swapped one by one where their quadratic entropy grows.
+    """Rows of `size` of the samples (n, d), drawn at random, then swapped one by one if that raises their entropy.
 
-    Fewer come where the samples have no more that differ.  The entropy is Renyi's, -log of the mean of K over all
-    pairs, of a Parzen window with the width that is best for normal samples.
-    Source: Suykens et al. 2002, Least Squares Support Vector Machines, ch. 6; De Brabanter et al. 2010,
-    Computational Statistics and Data Analysis 54.
+    There are fewer if not enough samples differ.  The entropy is Renyi's quadratic one, -log of the mean of K over all
+    pairs, with a Parzen window of the width that is best for normal samples.
+    Source: Suykens et al. 2002, Least Squares Support Vector Machines, ch. 6; De Brabanter et al. 2010, Computational
+    Statistics and Data Analysis 54.
     """
     order = rng.permutation(np.unique(scaled, axis=0, return_index=True)[1])
     n, d = len(order), scaled.shape[1]
@@ -63,7 +63,7 @@ def of_largest_entropy(scaled: np.ndarray, size: int, rng: np.random.Generator) 
 
 @compiled
 def _swap(x, order, size, leaving, coming):
-    """Swaps order[leaving[i]] with order[coming[i]] wherever the sum of K over pairs of the first `size` falls."""
+    """Swap order[leaving[i]] with order[coming[i]] if that lowers the sum of K over pairs of the first `size`."""
     for place, candidate in zip(leaving, coming):
         gain = 0.0
         for j in range(size):

@@ -1,4 +1,4 @@
-"""LS-SVM regression of long records: as many centres as are asked for, however many samples there are."""
+"""LS-SVM regression of long records with a given number of centres, however many samples there are."""
 
 from __future__ import annotations
 
@@ -19,11 +19,12 @@ from identification.kernel_machines.samples import Samples
 
 @dataclass(frozen=True)
 class FixedSize:
-    """Settings of an LS-SVM regression with radial kernels around a part of the samples, fitted to all of them.
+    """Settings of an LS-SVM regression with radial kernels around some of the samples, fitted to all of them.
 
-    penalty, sigma, scaled: as of `LsSvmRegression`, whose machine this one comes near to as size grows.
-    size: number of centres; all samples where there are fewer.
-    centres: "farthest", each as far as can be from those before, or "entropy", swapped until their entropy is large.
+    penalty, sigma, scaled: as in `LsSvmRegression`, whose machine is the limit of this one as size grows.
+    size: number of centres; all samples if there are fewer.
+    centres: "farthest", each as far as possible from the earlier ones, or "entropy", swapped until their entropy is
+    large.
 
     Example:
 
@@ -62,7 +63,7 @@ class FixedSize:
     ) -> KernelMachine:
         """The machine of samples x (n, d) with targets y (n,) or (n, m); sample i has the penalty C weights[i].
 
-        rng: for centres of large entropy, which are drawn.  Leave-one-out errors are those of the same centres.
+        rng: to draw centres of large entropy.  Leave-one-out errors are those with the same centres.
         """
         return Reduced.of(x, y, weights, self, rng).fitted(self)
 
@@ -87,7 +88,7 @@ def fit_each(
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """Samples and the rows of those that are centres: what every C and sigma share.  asked: how many were wanted."""
+    """Samples and the rows of the centres: what is common to every C and sigma.  asked: number of centres requested."""
 
     samples: Samples
     chosen: np.ndarray
@@ -103,7 +104,7 @@ class Reduced:
         settings: FixedSize,
         rng: np.random.Generator | None,
     ) -> Reduced:
-        """The samples, in arrays of their own; raises where no machine can be made of them."""
+        """The samples, in arrays of their own; raises if no machine can be made of them."""
         samples = Samples.of(x, y, weights, settings.scaled, "FixedSize")
         if settings.centres == "farthest":
             chosen = farthest(samples.scaled, settings.size)
@@ -116,18 +117,18 @@ class Reduced:
 
     @cached_property
     def scaled(self) -> np.ndarray:
-        """Centres from the middle of the inputs, over scale, (m, d)."""
+        """Centres relative to the middle of the inputs, over scale, (m, d)."""
         return self.samples.scaled[self.chosen]
 
     def columns(self) -> list[Reduced]:
-        """The same for each output alone."""
+        """The reduced samples for each output alone."""
         return [
             Reduced(self.samples.column(o), self.chosen, self.asked, self.between)
             for o in range(self.samples.y.shape[1])
         ]
 
     def primal(self, sigma: float, rows: np.ndarray | slice = slice(None)) -> Primal:
-        """The system at a sigma, of some of the samples around all centres; raises where sigma is out of reach."""
+        """The system at a sigma, of some of the samples around all centres; raises if sigma is out of range."""
         least, most = self.between.reach
         if not least <= sigma <= most:
             raise ValueError(sigma_problem("FixedSize", sigma, self.between.reach, self.between.median))

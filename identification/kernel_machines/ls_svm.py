@@ -1,4 +1,4 @@
-"""Least-squares support vector machine with a linear kernel, and the diving model that it gives."""
+"""Least-squares support vector machine with a linear kernel, and the resulting diving model."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ class LinearMachine:
 def linear_machine(features: np.ndarray, target: np.ndarray, penalty: float) -> LinearMachine:
     """The machine that minimises |weights|^2 / 2 + penalty / 2 |target - f(features)|^2.
 
-    features: (n, m).  Solved in the weights, (m, m), which for a linear kernel is the dual system of n + 1 unknowns
-    with less work; the bias is not penalised.
-    Source: Suykens, Van Gestel, De Brabanter, De Moor and Vandewalle 2002, Least Squares Support Vector Machines,
-    sec. 3.1; Zhong et al. 2024, equations (35) to (37).
+    features: (n, m).  The system is solved for the weights, (m, m); for a linear kernel this is equivalent to the dual
+    system of n + 1 unknowns, with less work.  The bias is not penalised.
+    Source: Suykens, Van Gestel, De Brabanter, De Moor and Vandewalle 2002, Least Squares Support Vector Machines, sec.
+    3.1; Zhong et al. 2024, equations (35) to (37).
     """
     middle, level = features.mean(axis=0), float(target.mean())
     centred = features - middle
-    # the stacked form keeps the digits that the normal matrix of collinear features would lose
+    # the stacked form keeps the digits that a normal matrix of collinear features would lose
     stacked = np.concatenate([centred, np.eye(features.shape[1]) / np.sqrt(penalty)])
     weights = np.linalg.lstsq(stacked, np.concatenate([target - level, np.zeros(features.shape[1])]), rcond=None)[0]
     return LinearMachine(weights, level - float(middle @ weights))
@@ -46,7 +46,7 @@ class LsSvm:
     """Diving model from an LS-SVM with a linear kernel on the regressor of equation (8).
 
     penalty: C of equation (36); 5.8731 in the paper, found by trial.
-    The model leaves the machine's bias out, with theta_1: at mid-depth the one takes back what the other exceeds 1 by.
+    The model leaves out the machine's bias and theta_1: at mid-depth, the bias cancels the excess of theta_1 over 1.
     There is no covariance. Depth noise biases the weights as it does those of `Rwls`.
     Source: Zhong et al. 2024, equations (35) to (37).
 

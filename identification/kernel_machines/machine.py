@@ -13,7 +13,7 @@ from auv_gym.physics.radial import BITS, radial_blocks, radial_sums
 
 @compiled
 def sums_of_rows(x, blocks, out):
-    """`radial_sums` at every row of x (n, d), into out (n, m)."""
+    """Write `radial_sums` at every row of x (n, d) into out (n, m)."""
     room = np.empty((2 + out.shape[1], blocks.shape[2]))
     for i in range(x.shape[0]):
         radial_sums(x[i], blocks, room, out[i])
@@ -23,10 +23,10 @@ def sums_of_rows(x, blocks, out):
 class KernelMachine:
     """f(x) = sum_j coefficients[j] K(x, support[j]) + bias, of several outputs that share their kernel.
 
-    K(x, c) = exp(-|(x - c) / scale|^2 / sigma^2), or with sigma None (x - middle)(c - middle) / scale^2, summed.
-    support: (n, d), in the units of x.  coefficients: (n, m).  bias: (m,).  leave_one_out: (n, m), the error
-    at each training sample of the machine without it.  flat: outputs come as (n,), as the target did.
-    notes: what a reader of the fit should know.
+    K(x, c) = exp(-|(x - c) / scale|^2 / sigma^2), or with sigma None the sum of (x - middle)(c - middle) / scale^2.
+    support: (n, d), in the units of x.  coefficients: (n, m).  bias: (m,).  leave_one_out: (n, m), the error at each
+    training sample of the machine trained without it.  flat: outputs are (n,), as the target was.
+    notes: remarks for the reader of the fit.
     """
 
     support: np.ndarray
@@ -41,7 +41,7 @@ class KernelMachine:
 
     @property
     def rate(self) -> np.ndarray:
-        """1 / (scale sigma), (d,): what differences are multiplied by; 1 / scale for the linear kernel."""
+        """1 / (scale sigma), (d,), the factor of differences; 1 / scale for the linear kernel."""
         return 1.0 / (self.scale * (1.0 if self.sigma is None else self.sigma))
 
     @cached_property
@@ -50,7 +50,7 @@ class KernelMachine:
         return ((self.support - self.middle) / self.scale**2).T @ self.coefficients
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
-        """Outputs at the rows of x, (n, m), or (n,) where the target was one column."""
+        """Outputs at the rows of x, (n, m), or (n,) if the target was one column."""
         rows = self._rows(x)
         if self.sigma is None:
             out = (rows - self.middle) @ self.weights + self.bias

@@ -2,9 +2,9 @@
 
     minimise  a' K_mm a / 2 + C / 2 sum_i weights_i (y_i - K(x_i, centres) a - b)^2
 
-K_mm = L L' with pivots, where centres that add nothing to rounding fall out. With the features K(x, centres) inv(L)' it
-is a ridge regression of n rows and at most m columns: the triangle of their orthogonal factorisation, one block after
-the other, is all that is kept of the samples, and its singular values give the solution of every C.
+K_mm = L L' with pivots, which drop centres that add nothing to rounding.  With the features K(x, centres) inv(L)' this
+is a ridge regression of n rows and at most m columns.  Only the triangle of their orthogonal factorisation, updated
+block by block, is kept of the samples, and its singular values give the solution for every C.
 Source: Suykens et al. 2002, Least Squares Support Vector Machines, ch. 6; De Brabanter et al. 2010, Computational
 Statistics and Data Analysis 54 (leave-one-out by the diagonal of the smoother).
 """
@@ -25,7 +25,7 @@ BLOCK = 4096  # rows
 
 @dataclass(frozen=True, eq=False)
 class Primal:
-    """What the solutions of all C at one width share.
+    """The part of the solutions at one width that is common to all C.
 
     x: (n, d) and centres (m, d), over scale and sigma.  y: (n, p).  weights: (n,).  kept: centres that carry features,
     (r,).  values: singular values of weighted features, (r,).  rotation: (r, r), from K(x, centres[kept]) to features
@@ -45,7 +45,7 @@ class Primal:
 
     @classmethod
     def of(cls, x: np.ndarray, y: np.ndarray, weights: np.ndarray, centres: np.ndarray) -> Primal:
-        """The samples, reduced; arguments as of the fields."""
+        """The samples, reduced; arguments as the fields."""
         kept, lower = _pivoted(bells(centres, centres))
         roots, size, root = centres[kept], len(kept), np.sqrt(weights)[:, None]
         columns = 1 + size + y.shape[1]
@@ -76,7 +76,7 @@ class Primal:
         return sums / self.weights.sum()
 
     def _errors(self, penalties: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:
-        """Block by block, leave-one-out errors at each C, (len(penalties), rows, p)."""
+        """Leave-one-out errors at each C, (len(penalties), rows, p), block by block."""
         gains = np.column_stack([self._gains(penalty) for penalty in penalties])
         along = np.einsum("rc,rp->rcp", gains * self.values[:, None], self.signals).reshape(len(gains), -1)
         for rows in _blocks(len(self.x)):
@@ -102,7 +102,7 @@ def bells(x: np.ndarray, centres: np.ndarray) -> np.ndarray:
 
 
 def _pivoted(kernel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows that a kernel matrix is made of to rounding, and the lower triangle L with L L' = K between these."""
+    """Rows that span a kernel matrix to rounding, and the lower triangle L with L L' = K between these."""
     (factorise,) = linalg.get_lapack_funcs(("pstrf",), (kernel,))
     factor, order, rank, _ = factorise(kernel, lower=1)
     return order[:rank] - 1, np.tril(factor[:rank, :rank])

@@ -14,7 +14,7 @@ from identification.kernel_machines.bordered import Spectrum, solved, squared_di
 from identification.kernel_machines.machine import KernelMachine
 from identification.kernel_machines.samples import EPS, Samples
 
-FLATTEST = 1e-12  # of 1 - K between the two samples farthest apart: below it, rounding is all that tells them apart
+FLATTEST = 1e-12  # least 1 - K between the two samples farthest apart: below it, they differ only by rounding
 
 
 @dataclass(frozen=True)
@@ -22,9 +22,9 @@ class LsSvmRegression:
     """Settings of an LS-SVM regression.
 
     penalty: C; a larger one trusts the data more, inf goes through every sample.
-    sigma: width of the radial kernel exp(-|x - c|^2 / sigma^2), in spreads of the inputs where `scaled`, else in their
+    sigma: width of the radial kernel exp(-|x - c|^2 / sigma^2), in spreads of the inputs if `scaled`, else in their
     units; the linear kernel has none.
-    scaled: each input is divided by its standard deviation over the training samples, which the machine keeps.
+    scaled: whether each input is divided by its standard deviation over the training samples, which the machine keeps.
 
     Example:
 
@@ -61,9 +61,9 @@ class LsSvmRegression:
 def fit_each(
     settings: Sequence[LsSvmRegression], x: np.ndarray, y: np.ndarray, weights: np.ndarray | None = None
 ) -> tuple[KernelMachine, ...]:
-    """A machine for each output of y (n, m), each with settings of its own; distances are worked out once.
+    """A machine for each output of y (n, m), each with settings of its own; distances are computed once.
 
-    The settings must agree in kernel and in `scaled`; they are those of `descend_each`, say.
+    The settings must agree in kernel and in `scaled`, such as those of `descend_each`.
     """
     alike = {(one.kernel, one.scaled) for one in settings}
     if np.ndim(y) != 2 or len(settings) != np.shape(y)[1] or len(alike) != 1:
@@ -77,14 +77,14 @@ def fit_each(
 
 @dataclass(frozen=True, eq=False)
 class Distances:
-    """Squared distances of scaled inputs, or their products for the linear kernel, (n, n), and what follows of them."""
+    """Squared distances of scaled inputs, or their products for the linear kernel, (n, n), and derived quantities."""
 
     square: np.ndarray
     radial: bool
 
     @cached_property
     def reach(self) -> tuple[float, float]:
-        """The sigmas between which the kernel matrix is neither the unit matrix nor constant, to rounding."""
+        """The range of sigma in which the kernel matrix is neither the unit matrix nor constant, to rounding."""
         apart = self.square[self.square > 0.0]
         return sigma_range(float(apart.min()), float(apart.max()))
 
@@ -100,7 +100,7 @@ def sigma_range(least: float, largest: float) -> tuple[float, float]:
 
 
 def sigma_problem(what: str, sigma: float, reach: tuple[float, float], median: float) -> str:
-    """Why a machine cannot have this sigma, and which it could have."""
+    """Why a machine cannot have this sigma, and which it can have."""
     least, most = reach
     why = "the unit matrix: no sample tells of another" if sigma < least else "constant: all samples look alike"
     return (
@@ -111,21 +111,21 @@ def sigma_problem(what: str, sigma: float, reach: tuple[float, float], median: f
 
 @dataclass(frozen=True, eq=False)
 class Training:
-    """Samples and their distances: what every C and sigma of a regression share."""
+    """Samples and their distances, common to every C and sigma of a regression."""
 
     samples: Samples
     distances: Distances
 
     @classmethod
     def of(cls, x: np.ndarray, y: np.ndarray, weights: np.ndarray | None, settings: LsSvmRegression) -> Training:
-        """The samples, in arrays of their own; raises where no machine can be made of them."""
+        """The samples, in arrays of their own; raises if no machine can be made of them."""
         samples = Samples.of(x, y, weights, settings.scaled, "LsSvmRegression")
         radial = settings.kernel == "rbf"
         scaled = samples.scaled
         return cls(samples, Distances(squared_distances(scaled) if radial else scaled @ scaled.T, radial))
 
     def kernel(self, sigma: float) -> np.ndarray:
-        """The kernel matrix (n, n); raises where sigma is out of reach."""
+        """The kernel matrix (n, n); raises if sigma is out of range."""
         if not self.distances.radial:
             return self.distances.square
         least, most = self.distances.reach
@@ -134,7 +134,7 @@ class Training:
         return np.exp(self.distances.square / -(sigma * sigma))
 
     def part(self, most: int) -> Training:
-        """At most this many of the samples, spread evenly over the record; all where an output rests in those."""
+        """At most `most` of the samples, spread evenly over the record; all if an output is constant in those alone."""
         rows = self.samples.spread_rows(most)
         samples = self.samples.rows(rows)
         if len(rows) == len(self.samples.x) or (samples.varies != self.samples.varies).any():
@@ -142,11 +142,11 @@ class Training:
         return Training(samples, replace(self.distances, square=self.distances.square[np.ix_(rows, rows)]))
 
     def columns(self) -> list[Training]:
-        """The same for each output alone."""
+        """The training data for each output alone."""
         return [replace(self, samples=self.samples.column(o)) for o in range(self.samples.y.shape[1])]
 
     def spectrum(self, sigma: float) -> Spectrum:
-        """What the solutions of all C at one sigma share."""
+        """The part of the solutions at one sigma that is common to all C."""
         return Spectrum.of(self.kernel(sigma), self.samples.weights)
 
     def fitted(self, settings: LsSvmRegression) -> KernelMachine:

@@ -1,4 +1,4 @@
-"""Checked samples of one regression, as every kernel machine takes them."""
+"""Checked samples of one regression, in the form of all kernel machines."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Samples:
 
     @classmethod
     def of(cls, x: np.ndarray, y: np.ndarray, weights: np.ndarray | None, scaled: bool, what: str) -> Samples:
-        """The samples of the regression named `what`; raises where no machine can be made of them."""
+        """The samples of the regression named `what`; raises if no machine can be made of them."""
         rows, targets = np.array(x, dtype=float), np.array(y, dtype=float)
         flat = targets.ndim == 1
         targets = targets[:, None] if flat else targets
@@ -40,7 +40,7 @@ class Samples:
 
     @cached_property
     def scaled(self) -> np.ndarray:
-        """Inputs from their middle, over scale, (n, d)."""
+        """Inputs relative to their middle, over scale, (n, d)."""
         return (self.x - self.middle) / self.scale
 
     @property
@@ -50,14 +50,14 @@ class Samples:
 
     @cached_property
     def variance(self) -> np.ndarray:
-        """Weighted variances of the outputs that vary; raises where none does."""
+        """Weighted variances of the outputs that vary; raises if none does."""
         if not self.varies.any():
             raise ValueError("Tuning needs an output that varies, got constants alone: fit without tuning.")
         return np.average(self._centred**2, axis=0, weights=self.weights)
 
     @cached_property
     def standard(self) -> np.ndarray:
-        """The outputs that vary, with zero mean and unit variance as weighted."""
+        """The outputs that vary, scaled to zero weighted mean and unit weighted variance."""
         return self._centred / np.sqrt(self.variance)
 
     @property
@@ -66,7 +66,7 @@ class Samples:
         return varying - np.average(varying, axis=0, weights=self.weights)
 
     def spread_rows(self, most: int) -> np.ndarray:
-        """Rows of at most so many samples, spread evenly over the record."""
+        """Rows of at most `most` samples, spread evenly over the record."""
         return np.unique(np.linspace(0, len(self.x) - 1, min(most, len(self.x))).round().astype(int))
 
     def rows(self, rows: np.ndarray) -> Samples:
@@ -86,7 +86,7 @@ class Samples:
         leave_one_out: np.ndarray,
         notes: tuple[str, ...] = (),
     ) -> KernelMachine:
-        """The machine with a solution's coefficients; a constant output has its bias alone, and a note."""
+        """The machine with a solution's coefficients; a constant output has only its bias, and a note."""
         return KernelMachine(
             support=support,
             coefficients=np.ascontiguousarray(np.where(self.varies, coefficients, 0.0)),

@@ -1,4 +1,4 @@
-"""A vehicle's hull learned from its logs: LS-SVM in place of C(v)v + D(v)v, all else the vehicle's own."""
+"""A vehicle's hull learned from its logs: an LS-SVM replaces C(v)v + D(v)v, and all else is the vehicle's own."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from identification.kernel_machines.tuning.outward import tune_outward, tune_out
 from identification.kernel_machines.tuning.sweep import sweep, sweep_each
 from identification.kernel_machines.tuning.tuning import descend, descend_each
 
-WITHIN = 0.99  # share of the training velocities that are within reach of another
-TOLERANCE = 0.004  # of the forces' spread: stiffer machines that are worse by less are better farther out
-TUNED_ON = 800  # samples, spread over the velocities, that tuning outward asks for
-MIRRORED = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])  # port to starboard, of velocities and forces alike
+WITHIN = 0.99  # share of the training velocities within the reach of a centre
+TOLERANCE = 0.004  # of the forces' spread: a stiffer machine that is worse by less extrapolates better
+TUNED_ON = 800  # samples, spread over the velocities, for tuning outward
+MIRRORED = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])  # port to starboard, for velocities and forces alike
 STILL = 1e-6  # m/s or rad/s
 Settings = LsSvmRegression | FixedSize
 
 
 @dataclass(frozen=True, eq=False)
 class HullFit:
-    """A vehicle whose hull is learned.
+    """A vehicle with a learned hull.
 
-    model: the plant with its `learned` hull.  targets: the forces that were found along the records.  machines: one for
-    all forces, or six; settings: C and sigma of each, in sizes of the velocities (root mean square).
+    model: the plant with its `learned` hull.  targets: the forces estimated along the records.  machines: one for all
+    forces, or six; settings: C and sigma of each, in units of the velocities' root mean square.
     errors: (6,) root mean square leave-one-out error of the forces, N and N m; shares: the same over the forces' own.
-    estimates: none; a machine has as many coefficients as samples, and none has a meaning or an interval of its own.
-    notes: what a reader of the fit should know.
+    estimates: empty; a machine has as many coefficients as samples, and none has a meaning or an interval of its own.
+    notes: remarks for the reader of the fit.
     """
 
     model: Plant
@@ -56,12 +56,13 @@ class HullFit:
 class HullLsSvm:
     """C(v)v + D(v)v of a torpedo by LS-SVM with radial kernels, from records of velocities, attitude and commands.
 
-    plant: whose mass, weight, fins, propulsion and effects are known.  penalty, sigma: C, and the width in sizes of the
-    velocities; tuned where left out.  tuning: outward, by how a machine of the inner samples foretells the outer ones,
-    or leave_one_out, which interpolates better and extrapolates badly.  size: that many centres, fitted to all samples;
-    default, each of at most `samples`, spread over the velocities, is a centre.  separate: a C and sigma for each
-    force, at six times the cost of a step.  mirrored: forces to port are as those to starboard.  trend: lift and
-    damping, |u| times each velocity, are fitted first by least squares; the machine has what they leave.
+    plant: its mass, weight, fins, propulsion and effects are known.  penalty, sigma: C, and the width in units of the
+    velocities' root mean square; tuned by default.  tuning: outward, by the prediction of the outer samples from the
+    inner ones, or leave_one_out, which interpolates better and extrapolates badly.  size: number of centres, fitted to
+    all samples; by default, each of at most `samples`, spread over the velocities, is a centre.
+    separate: C and sigma for each force, at six times the cost of a step.  mirrored: forces to port mirror those to
+    starboard.  trend: lift and damping, |u| times each velocity, are fitted first by least squares, and the machine
+    fits the rest.
     Source: Xu, Zou, Yin and Cao 2013, Ocean Engineering 67, section 3.
 
     Example:
@@ -93,10 +94,10 @@ class HullLsSvm:
             raise ValueError(f"HullLsSvm needs tuning to be outward or leave_one_out, got {self.tuning!r}.")
         if self.samples < 30:
             raise ValueError(f"HullLsSvm needs samples of at least 30, got {self.samples!r}: some 1000 do for most.")
-        _ = self._settings(1.0, 1.0), self._given()  # raises on what a machine cannot have
+        _ = self._settings(1.0, 1.0), self._given()  # raises if a machine cannot have these settings
 
     def fit(self, *records: Record) -> HullFit:
-        """The plant with its hull learned from all segments of all records; raises if they cannot do."""
+        """The plant with its hull learned from all segments of all records; raises if they are unsuitable."""
         targets = hull_targets(self.plant, records)
         x, y = targets.velocities, targets.forces
         if self.mirrored:
@@ -127,7 +128,7 @@ class HullLsSvm:
         return [self._settings(self.penalty, self.sigma)] * (6 if self.separate else 1)
 
     def _tuned(self, x: np.ndarray, y: np.ndarray, taken: np.ndarray) -> list[Settings]:
-        """Settings of the machines, one or six."""
+        """Tuned settings of the machines, one or six."""
         free = self._settings(1.0, 1.0)
         if self.tuning == "outward":
             rows, full = farthest(x, TUNED_ON), LsSvmRegression(scaled=False)
@@ -151,7 +152,7 @@ class HullLsSvm:
 
 
 def _trend(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Coefficients of the trend, (6, 6), beside a constant, which the machine's bias is to take."""
+    """Coefficients of the trend, (6, 6), fitted with a constant, which is left to the machine's bias."""
     terms = np.column_stack([np.ones(len(x)), trend_terms(x)])
     return np.linalg.lstsq(terms, y, rcond=1e-8)[0][1:]
 
@@ -165,13 +166,13 @@ def _trained(settings: Sequence[Settings], x: np.ndarray, y: np.ndarray) -> tupl
 
 
 def _hull(machines: Sequence[KernelMachine], spread: np.ndarray, x: np.ndarray) -> LearnedHull:
-    """The machines in the form that the simulator takes; x: all training velocities, in sizes."""
+    """The machines in the form of the simulator; x: all training velocities, in units of the spread."""
     support = machines[0].support
     coefficients = np.zeros((len(machines), len(support), 6))
     for k, machine in enumerate(machines):
         coefficients[k][:, slice(None) if len(machines) == 1 else [k]] = machine.coefficients
     distances = KDTree(support).query(x, k=2)[0]
-    apart = np.where(distances[:, 0] > 0.0, distances[:, 0], distances[:, 1])  # of a centre, the nearest is itself
+    apart = np.where(distances[:, 0] > 0.0, distances[:, 0], distances[:, 1])  # a centre is nearest to itself
     return LearnedHull(
         support=support * spread,
         spread=spread,

@@ -1,11 +1,11 @@
-"""C(v)v + D(v)v of a torpedo's hull along measured runs: what a machine for it is trained on.
+"""C(v)v + D(v)v of a torpedo's hull along measured runs: the training data of its machine.
 
-Of M dv/dt = known forces - C(v)v - D(v)v, weight, buoyancy, fins, propulsion and effects are the plant's, so v less the
-integral of inv(M) times these is as smooth as the motion: a switched fin, which no smoother could follow through noise,
-is in the integral. Its slope, times -M, is sought. Roll and pitch go the same way, with the rates of turn as what is
-known of them. What is left is smoother still, and the noise is told from it better, once lift and damping, in
-proportion to |u| times each velocity, are fitted to the forces found and added to what is known; forces that these
-terms do not give stay in the slope.
+In M dv/dt = known forces - C(v)v - D(v)v, the plant gives weight, buoyancy, fins, propulsion and effects, so v minus
+the integral of inv(M) times these is as smooth as the motion: a switched fin, which no smoother could follow through
+noise, is in the integral.  The slope of this difference, times -M, gives the forces.  Roll and pitch are treated alike,
+with the rates of turn as their known part.
+The remainder becomes smoother still, and easier to tell from noise, if lift and damping, proportional to |u| times each
+velocity, are fitted to the forces found and added to the known part; other forces stay in the slope.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ from identification.linear.regressors import Series
 READINGS = (*VELOCITIES, "roll_rad", "pitch_rad")
 SPLINE = 5  # degree of the curves through smoothed samples
 FEWEST = 20  # samples of a segment
-ENDS = 3  # samples at either end of a segment, at least, where a slope leans on one side alone
+ENDS = 3  # least number of samples at either end of a segment, where slopes are one-sided
 STEEPEST = 1.5  # rad; Euler angles end at 1.57
-PASSES, SETTLED = 8, 0.01  # changes of the forces, of their size, that are left to the noise
+PASSES, SETTLED = 8, 0.01  # most passes; relative change of the forces at which they end
 _NODE = 0.5 - sqrt(3.0) / 6.0  # two-point Gauss rule: its nodes lie inside a step, where no actuator switches
 _INNER = np.array([[0.25, 0.25 - sqrt(3.0) / 6.0], [0.25 + sqrt(3.0) / 6.0, 0.25]])  # integrals up to the nodes
-_LONG = 1e6  # s, after which an actuator stands where it was told to
+_LONG = 1e6  # s, after which an actuator has reached its command
 
 
 @dataclass(frozen=True, eq=False)
 class HullTargets:
     """Samples of the forces on a hull, at velocities without their noise.
 
-    velocities: (n, 6), u v w p q r, m/s and rad/s.  forces: (n, 6), C(v)v + D(v)v, N and N m.  time: (n,), s since its
-    segment began.  segment: (n,), counted over all records.  noise: (8,), standard deviation that READINGS turned out
-    to have.  ends: samples left out at either end of every segment.
+    velocities: (n, 6), u v w p q r, m/s and rad/s.  forces: (n, 6), C(v)v + D(v)v, N and N m.  time: (n,), s since the
+    segment began.  segment: (n,), counted over all records.  noise: (8,), estimated standard deviation of READINGS.
+    ends: samples left out at either end of every segment.
     """
 
     velocities: np.ndarray
@@ -61,10 +61,10 @@ class HullTargets:
 
 
 def hull_targets(plant: Plant, records: Sequence[Record]) -> HullTargets:
-    """The forces on the hull of a plant along its records, whatever its own hull gives; raises on what cannot do.
+    """The forces on the hull of a plant along its records, whatever its own hull gives; raises if they are unsuitable.
 
-    Records: READINGS, the commands, and heading and depth where the plant's effects depend on them; velocities through
-    the water, evenly sampled.  The actuators stand where they are told to when a segment begins.
+    records: READINGS, the commands, and heading and depth if the plant's effects depend on them; velocities through the
+    water, evenly sampled.  The actuators are at their commands when a segment begins.
     """
     _check_plant(plant)
     runs = _runs(plant, records)
@@ -78,7 +78,7 @@ def hull_targets(plant: Plant, records: Sequence[Record]) -> HullTargets:
         for run, curve in zip(runs, curves, strict=True):
             run.integrate(bare, curve, np.linalg.solve(mass, law.T).T)
         curves, found = _smoothed(runs)
-        if number == 1:  # the first, with the forces known, to be told from the noise without the law
+        if number == 1:  # first pass with known forces: noise can be told from them without the law
             ends = max(ENDS, ceil(max(s.width for s in found[:6])))
             if not any(run.time.size > 2 * ends for run in runs):
                 raise ValueError(
@@ -107,7 +107,7 @@ def hull_targets(plant: Plant, records: Sequence[Record]) -> HullTargets:
 
 @dataclass(eq=False)
 class _Run:
-    """One segment: readings (n, 8) at times (n,), and what the plant is known to do between them.
+    """One segment: readings (n, 8) at times (n,), and the known motion between them.
 
     nodes: (m,) times of the Gauss rule.  actuators: (m, 4), heading and depth: (m,), there.
     known, known_at_nodes: integral of the known rates, (n, 8) and (m, 8).
@@ -129,7 +129,7 @@ class _Run:
         return curve(self.time) + self.known
 
     def integrate(self, bare: Plant, curve: BSpline, law: np.ndarray) -> None:
-        """Renews what is known, along the states of a curve; law: rates of the velocities per feature, taken off."""
+        """Renew the known integral along the states of a curve; law: rates of the velocities per feature, to remove."""
         states = curve(self.nodes) + self.known_at_nodes
         steepest = float(np.abs(states[:, 7]).max())
         if steepest > STEEPEST:
@@ -151,12 +151,12 @@ class _Run:
         self.known_at_nodes = (total[:-1, None] + inner).reshape(-1, 8)
 
     def inside(self, rows: np.ndarray, ends: int) -> np.ndarray:
-        """The rows of samples that are not at an end."""
+        """The rows of samples without those near an end."""
         return rows[ends : max(len(rows) - ends, ends)]
 
 
 def _smoothed(runs: Sequence[_Run]) -> tuple[list[BSpline], list[Smoothness]]:
-    """Curves through the readings less what is known, without noise, and how smooth each channel was found to be."""
+    """Noise-free curves through the readings minus the known part, and the estimated smoothness of each channel."""
     rests = [run.readings - run.known for run in runs]
     found = [smoothness_of([rest[:, c] for rest in rests]) for c in range(len(READINGS))]
     columns = [np.column_stack([smoothed(rest[:, c], s) for c, s in enumerate(found)]) for rest in rests]
@@ -164,11 +164,11 @@ def _smoothed(runs: Sequence[_Run]) -> tuple[list[BSpline], list[Smoothness]]:
 
 
 def _features(velocities: np.ndarray) -> np.ndarray:
-    """Terms of the law that helps the smoothing, (n, 7)."""
+    """Terms of the law that supports the smoothing, (n, 7)."""
     return np.column_stack([np.ones(len(velocities)), trend_terms(velocities)])
 
 
-view: Any  # open names of the template below
+view: Any  # names that `bind` fills in the template below
 derivative: Any
 
 
@@ -244,9 +244,9 @@ def _zeros(time: np.ndarray) -> np.ndarray:
 
 
 def _positions(plant: Plant, inputs: np.ndarray, dt: float, pieces: int) -> np.ndarray:
-    """Where the actuators are at the nodes of every sample but the last, ((n - 1) 2 pieces, 4).
+    """Positions of the actuators at the nodes of every sample but the last, ((n - 1) 2 pieces, 4).
 
-    They go from node to node by the plant's own step, told to move nothing else.
+    The plant's own step moves them from node to node, and moves nothing else.
     """
     step = dt / pieces
     legs = step * np.array([_NODE, *[1.0 - 2.0 * _NODE, 2.0 * _NODE] * pieces])

@@ -1,7 +1,7 @@
-"""Series freed of their noise as far as they show it: a random walk, summed up, that is read with white noise.
+"""Smoothing of series with an estimated noise level: a summed random walk, read with white noise.
 
-The estimate minimises |y - s|^2 + ratio |D s|^2, D the differences of ORDER; the ratio is that of the two variances,
-and of largest restricted likelihood. Without noise it is so small that the series stays what it is.
+The estimate minimises |y - s|^2 + ratio |D s|^2, with D the differences of ORDER; the ratio of the two variances
+maximises the restricted likelihood.  Without noise it is so small that the series stays as it is.
 Source: Eilers 2003, Analytical Chemistry 75(14), 3631-3636; Wahba 1985, Annals of Statistics 13(4), 1378-1402.
 """
 
@@ -14,13 +14,13 @@ import numpy as np
 from scipy import linalg, optimize
 
 ORDER = 2
-_LOG_RATIOS = np.arange(-12.0, 10.0, 2.0)  # powers of ten; above, a ratio's system has lost its digits
+_LOG_RATIOS = np.arange(-12.0, 10.0, 2.0)  # powers of ten; systems of larger ratios lose their digits
 _SETTLED = 0.05  # of a power of ten
 
 
 @dataclass(frozen=True)
 class Smoothness:
-    """How much a series is smoothed.
+    """The amount of smoothing of a series.
 
     ratio: variance of the noise over that of the walk's steps.  noise: standard deviation.
     """
@@ -30,13 +30,13 @@ class Smoothness:
 
     @property
     def width(self) -> float:
-        """Samples to either side that have a say in an estimate."""
+        """Number of samples to either side that affect an estimate."""
         return self.ratio ** (0.5 / ORDER)
 
 
 def smoothness_of(parts: Sequence[np.ndarray]) -> Smoothness:
-    """The smoothness of largest likelihood of series, (n,) each, that have it in common; n > ORDER."""
-    lengths = sorted({len(part) for part in parts})  # those of one length share their system
+    """The likeliest common smoothness of series, (n,) each; n > ORDER."""
+    lengths = sorted({len(part) for part in parts})  # series of one length share their system
     alike = [np.column_stack([part for part in parts if len(part) == n]) for n in lengths]
     penalties, steps = [_penalty(n) for n in lengths], [np.diff(group, ORDER, axis=0) for group in alike]
     freedom = sum(step.size for step in steps)
@@ -45,7 +45,7 @@ def smoothness_of(parts: Sequence[np.ndarray]) -> Smoothness:
         return Smoothness(0.0, 0.0)
 
     def misfit(log_ratio: float) -> tuple[float, float]:
-        """What the likelihood falls with, and the variance of the noise."""
+        """The part of the likelihood to minimise, and the variance of the noise."""
         ratio, square, determinant = 10.0**log_ratio, 0.0, 0.0
         for group, penalty, step in zip(alike, penalties, steps, strict=True):
             factor = linalg.cholesky_banded(_system(penalty, ratio))

@@ -1,4 +1,4 @@
-"""NARX by least-squares support vector machines: a black box for any record whose dynamics are not linear."""
+"""NARX by least-squares support vector machines: a black box for any record with nonlinear dynamics."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from identification.kernel_machines.tuning.tuning import descend_each
 from identification.linear.regressors import SAMPLES_PER_COEFFICIENT, Series
 from identification.linear.scaled import Scaled
 
-WITHOUT_LEVEL = ("heading_rad", "north_m", "east_m")  # the water is alike in all directions and places
-WITHIN = 0.99  # share of the training rows that are within reach of another
-LEAST_REACH = 0.1  # spreads, which are near however dense the samples of a vehicle at rest are
+WITHOUT_LEVEL = ("heading_rad", "north_m", "east_m")  # the water is the same in all directions and places
+WITHIN = 0.99  # share of the training rows within the reach of a centre
+LEAST_REACH = 0.1  # in spreads; near enough, even if samples of a vehicle at rest are denser
 
 
 @dataclass(frozen=True, eq=False)
 class NarxFit:
-    """A NARX model.  choices: C and sigma of each output, None where the linear part does better alone.
+    """A NARX model.  choices: C and sigma of each output, None if the linear part does better alone.
 
-    estimates: none; a machine has as many coefficients as samples, and none has a meaning or an interval of its own.
-    notes: what a reader of the fit should know.
+    estimates: empty; a machine has as many coefficients as samples, and none has a meaning or an interval of its own.
+    notes: remarks for the reader of the fit.
     """
 
     model: Narx
@@ -43,13 +43,14 @@ class NarxFit:
 
 @dataclass(frozen=True)
 class NarxLsSvm:
-    """Nonlinear difference equations in lags: a linear part by least squares, and Gaussian bells for its residual.
+    """Nonlinear difference equations in lags: a linear part by least squares, and radial kernels for its residual.
 
     n_a, n_b: lags of each output and input, the inputs' from `delay` on.  integrating: outputs whose increments are
-    modelled, and whose level is no regressor; default heading, north and east.  trend: whether there is a linear part.
-    penalty, sigma: C and the bells' width in spreads of the regressors, default tuned.  tuning: by free runs over parts
-    left out, or leave_one_out, by errors of one step.  samples: more are joined to so many cells.
-    Noise on measured outputs biases it as it does Arx; more lags lessen that.
+    modelled, and whose level is no regressor; by default heading, north and east.  trend: whether there is a linear
+    part.
+    penalty, sigma: C and the kernel width in spreads of the regressors, by default tuned.  tuning: by free runs over
+    held-out parts, or leave_one_out, by one-step errors.  samples: number of cells to which more samples are joined.
+    Noise on measured outputs biases it as it does Arx; more lags lessen the bias.
 
     Example:
 
@@ -91,14 +92,14 @@ class NarxLsSvm:
 
     @property
     def lags(self) -> Lags:
-        """The regressors that these settings make."""
+        """The regressors that follow from the settings."""
         level = [n for n in WITHOUT_LEVEL if n in self.outputs] if self.integrating is None else self.integrating
         return Lags(tuple(self.inputs), tuple(self.outputs), self.n_a, self.n_b, self.delay, tuple(level))
 
     def fit(self, *records: Record) -> NarxFit:
-        """Fit over all segments of all records, each with its own lags; raises if the data cannot do."""
+        """Fit over all segments of all records, each with its own lags; raises if the data are unsuitable."""
         series = Series.of(records, self.inputs, self.outputs, "NarxLsSvm")
-        Scaled.of(series, True, "NarxLsSvm")  # raises on channels that do not move
+        Scaled.of(series, True, "NarxLsSvm")  # raises if a channel does not move
         rows = Rows.of(series, self.lags)
         _check(rows)
         everything = np.arange(len(rows.z))
@@ -113,7 +114,7 @@ class NarxLsSvm:
 
     def _choices(self, rows: Rows, cells: Cells) -> Sequence[Choice]:
         """C and sigma of each output."""
-        if not cells.y.any():  # a linear truth without noise
+        if not cells.y.any():  # the data are linear and without noise
             return [None] * len(self.outputs)
         if self.penalty is not None and self.sigma is not None:
             return [(self.penalty, self.sigma)] * len(self.outputs)
@@ -141,7 +142,7 @@ def _check(rows: Rows) -> None:
 
 
 def _trained(cells: Cells, choices: tuple[Choice, ...]) -> Bells:
-    """Bells of each output around all cells; raises where a C or a sigma cannot be."""
+    """Kernels of each output around all cells; raises if a C or a sigma is impossible."""
     coefficients, bias = np.zeros(cells.y.shape), np.zeros(len(choices))
     for choice in {choice for choice in choices if choice is not None}:
         mine = [output for output, of in enumerate(choices) if of == choice]
@@ -159,7 +160,7 @@ def _reach(rows: Rows, cells: Cells) -> float:
 
 
 def _notes(model: Narx, choices: Sequence[Choice], asked: NarxLsSvm, rows: Rows, centres: int) -> tuple[str, ...]:
-    """What was chosen, and how the model does in free runs over the data that it was fitted to."""
+    """The chosen settings, and the errors of free runs over the training data, in words."""
     by = "given" if asked.penalty and asked.sigma else f"chosen by {asked.tuning.replace('_', ' ')} errors"
     samples = f"{len(rows.z)} samples" + (f" in {centres} cells" if centres < len(rows.z) else "")
     words = [f"{len(rows.lags.names)} regressors, {samples}; no parameter has a meaning or an interval of its own"]

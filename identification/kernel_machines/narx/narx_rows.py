@@ -1,4 +1,4 @@
-"""Records as rows of a nonlinear difference equation, and models of it running free over them."""
+"""Records as rows of a nonlinear difference equation, and free runs of its models over them."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from auv_gym.models.narx import Narx
 from identification.linear.regressors import Series
 
 FAR = 1e6  # an error, in spreads of its output, at which a run counts as diverged
-_EXACT = 1e-9  # of the spread of a target: what a linear part leaves below it is rounding
+_EXACT = 1e-9  # of the spread of a target: a smaller residual of a linear part is rounding error
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A stretch of a segment: what is remembered at its first row, the inputs held until the last, and the outputs.
+    """A stretch of a segment: the remembered past at its first row, the inputs held until the last, and the outputs.
 
     past: (remembered,).  u: (n - 1, m).  y: (n, p).
     """
@@ -31,7 +31,7 @@ class Run:
 class Rows:
     """Regressors z (N, d) and targets (N, p) of all rows that have their lags in their own segment, and their series.
 
-    middle, spread: (d,).  number: of the segment of each row; offset: its place there.
+    middle, spread: (d,).  number: segment of each row; offset: its place there.
     """
 
     series: Series
@@ -75,7 +75,7 @@ class Rows:
         return np.concatenate([np.sqrt(np.mean(steps**2, axis=0)), np.concatenate(self.series.u).std(axis=0)])
 
     def linear(self, chosen: np.ndarray, trend: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Slopes (d, p) and bias (p,) that suit the chosen rows best; without a trend their means alone."""
+        """Least-squares slopes (d, p) and bias (p,) over the chosen rows; without a trend only the means."""
         target = self.target[chosen]
         if not trend:
             return np.zeros((self.spread.size, target.shape[1])), target.mean(axis=0)
@@ -84,12 +84,12 @@ class Rows:
         return found[:-1] / self.spread[:, None], found[-1]
 
     def left(self, slopes: np.ndarray, bias: np.ndarray) -> np.ndarray:
-        """What a linear part leaves of the targets, (N, p); zero where that is rounding."""
+        """The residual of the targets after a linear part, (N, p); zero if it is rounding error."""
         left = self.target - bias - (self.z - self.middle) @ slopes
         return np.where(left.std(axis=0) > _EXACT * self.target.std(axis=0), left, 0.0)
 
     def runs(self, start: int, stop: int) -> list[Run]:
-        """The stretches of segments that rows start..stop make."""
+        """The stretches of segments within rows start..stop."""
         found = []
         for number in np.unique(self.number[start:stop]):
             mine = self.offset[start:stop][self.number[start:stop] == number]
@@ -101,11 +101,11 @@ class Rows:
 
 
 def run_errors(model: Narx, runs: Sequence[Run]) -> np.ndarray:
-    """Errors of free runs, less their mean in each run for outputs that integrate, (rows, p); infinite if diverged."""
+    """Errors of free runs, minus their mean in each run for integrating outputs, (rows, p); infinite if diverged."""
     errors = []
     for run in runs:
         error = model.free(run.past, run.u) - run.y[1:]
-        with np.errstate(invalid="ignore"):  # of infinities, which are told below
+        with np.errstate(invalid="ignore"):  # infinities are caught below
             errors.append(error - model.lags.carried * error.mean(axis=0))
     joined = np.concatenate(errors)
     spread = np.maximum(np.concatenate([run.y for run in runs]).std(axis=0), np.finfo(float).tiny)

@@ -1,8 +1,8 @@
-"""Penalty and width of a NARX machine by its free runs over parts of the record that it was not trained on.
+"""Penalty and width of a NARX machine by its free runs over held-out parts of the record.
 
-The leave-one-out error is that of one step, and a model that is best one step ahead can be poor in a free run. So the
-rows are cut into five parts, each is run free by machines trained on the other four, and C and sigma are searched on a
-grid for the least mean log of their mean square errors.
+The leave-one-out error is that of one step, and a model that is best one step ahead can be poor in a free run.  So the
+rows are cut into five parts, machines trained on the other four run free over each, and a grid over C and sigma is
+searched for the least mean log of their mean square errors.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from identification.kernel_machines.cells import Cells
 from identification.kernel_machines.narx.narx_rows import Rows, Run, run_errors
 
 FOLDS = 5
-LEAST_ROWS = 10  # of a part, below which its free run tells nothing
-MOST_ROWS = 1000  # of a part that are run: a long record is judged by as many as a shorter one
+LEAST_ROWS = 10  # least rows of a part for a meaningful free run
+MOST_ROWS = 1000  # most rows of a part that are run, however long the record
 WIDTHS = 2.0 ** np.arange(-1, 7)  # sigmas, in median distances between samples
-PENALTIES = 10.0 ** np.arange(-1, 8)  # beyond, coefficients of either sign cancel to what rounding leaves
+PENALTIES = 10.0 ** np.arange(-1, 8)  # with larger ones, coefficients of either sign cancel to rounding error
 _AROUND = 2, 3  # steps of the grid by which an output's own sigma and C may differ from the shared ones
-_SURE = 3.0  # standard errors of a gain, above 2 as the best of some hundred choices is better by chance
-_FLOOR = 1e-12  # of the variance: an error below it is as good as none
+_SURE = 3.0  # standard errors of a gain; above 2, since the best of some hundred choices is better by chance
+_FLOOR = 1e-12  # of the variance: a smaller error counts as none
 
 # C and sigma in spreads of the regressors; None: the linear part alone
 Choice = tuple[float, float] | None
@@ -33,7 +33,7 @@ Choice = tuple[float, float] | None
 
 @dataclass(frozen=True, eq=False)
 class Bells:
-    """Coefficients (n, p) and bias (p,) of the choices of each output around centres (n, d)."""
+    """Coefficients (n, p) and bias (p,) of the kernels for the choices of each output, around centres (n, d)."""
 
     centres: np.ndarray
     choices: tuple[Choice, ...]
@@ -42,7 +42,7 @@ class Bells:
 
 
 def narx(rows: Rows, slopes: np.ndarray, bias: np.ndarray, bells: Bells, reach: float = 1.0) -> Narx:
-    """The model of a linear part and bells; outputs of one sigma share their bells."""
+    """The model of a linear part and kernels; outputs with the same sigma share their kernels."""
     sigmas = np.array([0.0 if choice is None else choice[1] for choice in bells.choices])
     used = np.unique(sigmas[sigmas > 0.0])
     lags = rows.lags
@@ -71,9 +71,9 @@ def narx(rows: Rows, slopes: np.ndarray, bias: np.ndarray, bells: Bells, reach: 
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """A part of the rows as free runs, and what machines of the other parts are made of.
+    """A part of the rows as free runs, and the training data of the other parts.
 
-    spectra, solutions: by sigma, and by C and sigma, as far as they were asked for.
+    spectra, solutions: caches by sigma, and by C and sigma.
     """
 
     runs: Sequence[Run]
@@ -86,7 +86,7 @@ class Fold:
 
     @classmethod
     def of(cls, rows: Rows, start: int, stop: int, trend: bool, most: int) -> Fold:
-        """The part of rows start..stop, of which a long one is run at its beginning only."""
+        """The part of rows start..stop; only the beginning of a long one is run."""
         others = np.r_[0:start, stop : len(rows.z)]
         slopes, bias = rows.linear(others, trend)
         cells = Cells.of(rows.scaled[others], rows.left(slopes, bias)[others], most)
@@ -94,7 +94,7 @@ class Fold:
         return cls(runs, cells, squared_distances(cells.x), slopes, bias)
 
     def bells(self, choices: Sequence[Choice]) -> Bells:
-        """The bells of each output at its choice."""
+        """The kernels of each output at its choice."""
         coefficients, bias = np.zeros(self.cells.y.shape), np.zeros(len(choices))
         for output, choice in enumerate(choices):
             if choice is not None:
@@ -114,10 +114,10 @@ class Fold:
 def best_in_free_runs(
     rows: Rows, trend: bool, most: int, penalty: float | None = None, sigma: float | None = None
 ) -> tuple[Choice, ...]:
-    """The C and sigma of each output with which free runs do best: one pair for all, then each output's own near it.
+    """The C and sigma of each output with the best free runs: one pair for all, then each output's own near it.
 
-    most: cells that machines are trained on.  penalty, sigma: held, where given.  With a trend, no bells at all is a
-    choice too.
+    most: number of cells to train on.  penalty, sigma: held, if given.  With a trend, no kernels at all is a choice,
+    too.
     """
     edges = np.linspace(0, len(rows.z), FOLDS + 1).round().astype(int)
     if edges[1] < LEAST_ROWS:
@@ -154,7 +154,7 @@ def best_in_free_runs(
 
 
 def _least(tried: dict[tuple[Choice, ...], np.ndarray]) -> tuple[Choice, ...]:
-    """The choices of least error over all parts; no bells where the parts do not agree on their gain.
+    """The choices of least error over all parts; no kernels if the parts do not agree on their gain.
 
     tried: mean square errors over their variance, (parts, p).
     """
@@ -167,7 +167,7 @@ def _least(tried: dict[tuple[Choice, ...], np.ndarray]) -> tuple[Choice, ...]:
 
 
 def _around(grid: Sequence[Choice], middle: Choice, sigmas: np.ndarray, penalties: np.ndarray) -> Sequence[Choice]:
-    """The choices of the grid that are a few steps from one; all where it is none."""
+    """The choices of the grid within a few steps of one; all if it is None."""
     if middle is None:
         return grid
     row, column = (list(of).index(value) for of, value in ((sigmas, middle[1]), (penalties, middle[0])))

@@ -1,1 +1,1 @@
-"""Penalty and width of a kernel machine, chosen."""
+"""The choice of penalty and width of a kernel machine."""

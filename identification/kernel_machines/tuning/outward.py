@@ -1,8 +1,8 @@
-"""Penalty and width of an LS-SVM regression by how it does beyond its samples.
+"""Penalty and width of an LS-SVM regression by its extrapolation.
 
-The leave-one-out error asks what a machine does between its samples, where a narrow kernel with a large C is best. A
-model that is simulated goes where no sample was, and there such a machine is nothing. So the machine of the inner
-samples is judged by the outer ones.
+The leave-one-out error judges a machine between its samples, where a narrow kernel with a large C is best.  A simulated
+model leaves the samples, and such a machine fails there.  So the machine of the inner samples is judged by the outer
+ones.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from identification.kernel_machines.tuning.tuning import LEAST_PENALTY, Progress
 INNER = 0.7  # share of the samples
 FEW_SAMPLES = 800
 WIDTHS = 0.5, 30.0  # sigmas searched, in median distances between samples
-MOST_PENALTY = 1e8  # beyond, coefficients of 1e8 times the misfit cancel to outputs of 1, and a long run shows it
+MOST_PENALTY = 1e8  # beyond, coefficients of 1e8 times the misfit cancel to outputs of 1, which harms long runs
 SCAN_WIDTHS, SCAN_PENALTIES = 15, 21
-TIED = 0.05  # of the error: by so much chance decides
+TIED = 0.05  # of the error: smaller differences are chance
 
 
 def tune_outward(
@@ -33,10 +33,10 @@ def tune_outward(
 ) -> Tuned[LsSvmRegression]:
     """Settings with the C and sigma whose machine of the inner samples has the least error at the outer ones.
 
-    Inner are 70 % of at most 800 samples, by their Mahalanobis distance from the mean. The loss is the mean over the
-    outputs of log(mean square error / variance), on a grid over C and sigma. Of the pairs whose error is above
-    the least by at most 5 % and `tolerance` of the outputs' spread, that with the fewest effective parameters is taken:
-    many are as good here, and the stiffest of them are better farther out. errors: those mean squares.
+    The inner samples are 70 % of at most 800, by their Mahalanobis distance from the mean.  The loss is the mean over
+    the outputs of log(mean square error / variance), on a grid over C and sigma.  Among the pairs whose error exceeds
+    the least by at most 5 % plus `tolerance` of the outputs' spread, the one with the fewest effective parameters is
+    chosen: many are equally good here, and the stiffest of them extrapolate better.  errors: those mean squares.
     """
     return _tuned(settings, Training.of(x, y, weights, settings), tolerance, progress)
 
@@ -50,7 +50,7 @@ def tune_outward_each(
     tolerance: float = 0.0,
     progress: Progress = silent,
 ) -> tuple[Tuned[LsSvmRegression], ...]:
-    """As `tune_outward`, for each output of y (n, m) by itself: m settings, for `fit_each`."""
+    """Like `tune_outward`, for each output of y (n, m) by itself: m settings, for `fit_each`."""
     columns = Training.of(x, y, weights, settings).columns()
     return tuple(
         _tuned(settings, column, tolerance, lambda done, text, o=o: progress((o + done) / len(columns), text))
@@ -73,7 +73,7 @@ def _tuned(
     most = min(MOST_PENALTY, largest_penalty(training.samples))
     penalties = np.geomspace(LEAST_PENALTY, most, SCAN_PENALTIES)
     sigmas = _widths(inside, training) if part.distances.radial else np.array([settings.sigma])
-    if not part.distances.radial:  # its values are not at most 1, as the radial ones are
+    if not part.distances.radial:  # unlike radial kernels, its values may exceed 1
         penalties *= len(samples.x) / np.trace(square)
     tried: list[tuple[float, float, float, float, np.ndarray]] = []  # loss, effective parameters, sigma, C, errors
     for count, sigma in enumerate(sigmas):

@@ -1,8 +1,8 @@
 """Penalty and width of a fixed-size LS-SVM by its leave-one-out error: all C at each of a few sigma.
 
-The loss is that of `tuning`. One pass over the samples gives it for every C, so that only sigma is searched: over a
-grid and then by Brent's method, on a part of the samples with all of the centres, as what sigma should be follows from
-how far those are apart. C, which should grow with the samples, is then found on all of them.
+The loss is that of `tuning`.  One pass over the samples gives it for every C, so that only sigma is searched, over a
+grid and then by Brent's method.  This uses some of the samples with all of the centres, since the best sigma depends on
+the distances of the centres.  C, which should grow with the samples, is then found on all of them.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from identification.kernel_machines.primal import Primal
 from identification.kernel_machines.samples import EPS, Samples
 from identification.kernel_machines.tuning.tuning import LEAST_PENALTY, Progress, Tuned, of_output, silent, widths
 
-PART, PART_EACH = 4000, 8  # samples that sigma is found on, and those for each centre: the larger number is taken
+PART, PART_EACH = 4000, 8  # samples to find sigma on, in total and for each centre: the larger number counts
 SCAN_WIDTHS, PENALTIES = 12, 40
-TURNS, WIDTH_FOUND = 8, 0.02  # of Brent's method, at most, and in log sigma, where the loss is flat
+TURNS, WIDTH_FOUND = 8, 0.02  # most iterations of Brent's method; its tolerance in log sigma, where the loss is flat
 
 
 def sweep(
@@ -32,7 +32,7 @@ def sweep(
     rng: np.random.Generator | None = None,
     progress: Progress = silent,
 ) -> Tuned[FixedSize]:
-    """Settings with the C and sigma of least leave-one-out error of all outputs; rng: as of `FixedSize.fit`."""
+    """Settings with the C and sigma of least leave-one-out error of all outputs; rng: as in `FixedSize.fit`."""
     reduced = Reduced.of(x, y, weights, settings, rng)
     scan = _Scan.of(reduced)
     return _swept(settings, reduced, scan, scan.losses.mean(axis=2), progress)
@@ -47,7 +47,7 @@ def sweep_each(
     rng: np.random.Generator | None = None,
     progress: Progress = silent,
 ) -> tuple[Tuned[FixedSize], ...]:
-    """As `sweep`, for each output of y (n, m) by itself around the same centres: m settings, for `fit_each`."""
+    """Like `sweep`, for each output of y (n, m) by itself around the same centres: m settings, for `fit_each`."""
     reduced = Reduced.of(x, y, weights, settings, rng)
     scan, varies, found = _Scan.of(reduced), reduced.samples.varies, []
     for output, column in enumerate(reduced.columns()):
@@ -61,7 +61,7 @@ def sweep_each(
 
 @dataclass(frozen=True, eq=False)
 class _Scan:
-    """Losses on a part of the samples, (log sigma, log C, outputs that vary)."""
+    """Losses on some of the samples, (log sigma, log C, outputs that vary)."""
 
     part: np.ndarray
     widths: np.ndarray
@@ -82,7 +82,7 @@ class _Scan:
 def _swept(
     settings: FixedSize, reduced: Reduced, scan: _Scan, losses: np.ndarray, progress: Progress
 ) -> Tuned[FixedSize]:
-    """The best of all C and sigma, between those of a scan with the losses (log sigma, log C)."""
+    """The best C and sigma, by refining a scan with the losses (log sigma, log C)."""
     best = int(np.argmin([_lowest(row, scan.penalties)[1] for row in losses]))
     between = float(scan.widths[max(best - 1, 0)]), float(scan.widths[min(best + 1, SCAN_WIDTHS - 1)])
     turns = count(1)
@@ -115,7 +115,7 @@ def _loss(samples: Samples, squares: np.ndarray) -> np.ndarray:
 
 
 def _lowest(losses: np.ndarray, penalties: np.ndarray) -> tuple[float, float]:
-    """Log C and loss at the bottom of the parabola through the least of some losses and those beside it."""
+    """Log C and loss at the minimum of the parabola through the least of some losses and its neighbours."""
     at = int(np.argmin(losses))
     if not 0 < at < len(losses) - 1:
         return float(penalties[at]), float(losses[at])

@@ -1,7 +1,7 @@
 """Penalty and width of an LS-SVM regression by its leave-one-out error: simulated annealing, or descent by gradient.
 
-Both minimise the same loss, the mean over the outputs of log(mean square leave-one-out error / variance), weighted as
-the samples are, over log C and log sigma; outputs that are given together share the C and sigma that come out.
+Both minimise the same loss over log C and log sigma, the mean over the outputs of log(mean square leave-one-out error /
+variance), with the weights of the samples; outputs given together share C and sigma.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from identification.kernel_machines.regression import LsSvmRegression, Training
 from identification.kernel_machines.samples import EPS, Samples
 
 Progress = Callable[[float, str], Any]
-FAILED = 50.0  # loss of a system that rounding makes singular: far above any, and finite for the searches
-DIGITS_KEPT = 1e3  # C is at most 1 / (this n EPS): three digits of the inverse are kept, its condition is below 1 / EPS
+FAILED = 50.0  # loss of a numerically singular system: far above any other, and finite for the searches
+DIGITS_KEPT = 1e3  # C is at most 1 / (this n EPS), which keeps three digits of the inverse
 WIDTHS = 0.1, 100.0  # sigmas searched, in median distances between samples
 LEAST_PENALTY = 1e-2
 SCAN_SAMPLES, SCAN_WIDTHS, SCAN_PENALTIES = 300, 12, 24
 FEW_SAMPLES = 600
-SETTLED, SETTLED_CLOSELY = 1e-3, 1e-6  # of the loss: a thousandth is far inside what chance does to it
+SETTLED, SETTLED_CLOSELY = 1e-3, 1e-6  # of the loss: a thousandth is far below its chance variation
 CURVATURE_STEP, LEAST_CURVATURE = 0.05, 1e-2
-LONGEST_STEP, BACK = 1.0, 0.3  # of the last steps on all samples; in log C and log sigma
+LONGEST_STEP, BACK = 1.0, 0.3  # of the last steps on all samples, in log C and log sigma
 
 
 Settings = TypeVar("Settings")
@@ -36,8 +36,8 @@ Settings = TypeVar("Settings")
 class Tuned(Generic[Settings]):
     """The settings of least leave-one-out error.
 
-    errors: mean square leave-one-out error of each output, in its units squared.  loss: what was minimised, 0 for a
-    constant output, which has nothing to tune.  evaluations: times that a system of all samples was solved.
+    errors: mean square leave-one-out error of each output, in its units squared.  loss: the minimised loss, 0 for a
+    constant output, which has nothing to tune.  evaluations: number of solutions with all samples.
     """
 
     settings: Settings
@@ -56,11 +56,11 @@ def anneal(
     evaluations: int = 400,
     progress: Progress = lambda fraction, text: None,
 ) -> Tuned[LsSvmRegression]:
-    """Settings with C and sigma found by simulated annealing, which takes as many evaluations as it is given."""
+    """Settings with C and sigma found by simulated annealing, with all of the given evaluations."""
     if evaluations < 1:
         raise ValueError(f"anneal needs at least one evaluation, got {evaluations}: some 400 settle C and sigma.")
     search = _Search.of(settings, Training.of(x, y, weights, settings), evaluations, progress)
-    named: Any = {"seed": rng}  # scipy's own name for it changes from version to version; this one all of them take
+    named: Any = {"seed": rng}  # scipy's own name for it changes between versions; all accept this one
     optimize.dual_annealing(
         lambda at: search(at)[0],
         search.bounds,
@@ -84,10 +84,11 @@ def descend(
 ) -> Tuned[LsSvmRegression]:
     """Settings with C and sigma found by L-BFGS-B, with the gradient in closed form.
 
-    A grid over C and sigma for 300 samples, one spectrum for each sigma, gives the starts; its best `starts` local
-    minima are followed on 600 samples, spread evenly over the record, and the best of them on twice as many, and so on,
-    by quasi-Newton steps that start from the curvature found before, until less than 1e-3 of the loss is to be gained.
-    evaluations: on all samples; where all are followed, counted between line searches: the last one is finished.
+    A grid over C and sigma for 300 samples, with one spectrum for each sigma, gives the starts.  Its best `starts`
+    local minima are followed on 600 samples, spread evenly over the record, and the best of them on twice as many, and
+    so on, by quasi-Newton steps from the curvature found before, until less than 1e-3 of the loss can be gained.
+    evaluations: on all samples; if all are followed, the limit is checked between line searches, and the last one is
+    completed.
     """
     training = _asked(settings, x, y, weights, starts, evaluations)
     part = training.part(SCAN_SAMPLES)
@@ -104,9 +105,9 @@ def descend_each(
     evaluations: int = 60,
     progress: Progress = lambda fraction, text: None,
 ) -> tuple[Tuned[LsSvmRegression], ...]:
-    """As `descend`, for each output of y (n, m) by itself: m settings, for `fit_each`.
+    """Like `descend`, for each output of y (n, m) by itself: m settings, for `fit_each`.
 
-    Distances and spectra are worked out once for all.  evaluations: for each output.
+    Distances and spectra are computed once for all.  evaluations: for each output.
     """
     training = _asked(settings, x, y, weights, starts, evaluations)
     grid, found = _Grid.of(training.part(SCAN_SAMPLES)), []
@@ -134,7 +135,7 @@ def _asked(
 def _descended(
     settings: LsSvmRegression, training: Training, starts: list[np.ndarray], evaluations: int, progress: Progress
 ) -> Tuned[LsSvmRegression]:
-    """The best of the minima below the starts, followed on a part where there are many samples, finished on all."""
+    """The best of the minima found from the starts, followed on a part of many samples and finished on all."""
     search = _Search.of(settings, training, evaluations, progress)
     if len(training.samples.x) <= FEW_SAMPLES:
         for start in starts:
@@ -162,7 +163,7 @@ class _Search:
 
     settings: LsSvmRegression
     training: Training
-    y: np.ndarray  # of outputs that vary, with zero mean and unit variance
+    y: np.ndarray  # outputs that vary, with zero mean and unit variance
     bounds: list[tuple[float, float]]
     allowed: int
     progress: Progress
@@ -180,7 +181,7 @@ class _Search:
         return replace(self.settings, penalty=float(np.exp(at[0])), sigma=sigma)
 
     def __call__(self, at: np.ndarray, gradient: bool = False) -> tuple[float, np.ndarray]:
-        """Loss and, where asked, its gradient."""
+        """Loss and, with `gradient`, its gradient."""
         tried = self.settings_at(at)
         self.count += 1
         kernel = self.training.kernel(tried.sigma)
@@ -217,7 +218,7 @@ class _Search:
         return np.array([sum(pair) / 2.0 for pair in self.bounds])
 
     def follow(self, start: np.ndarray, settled: float) -> np.ndarray:
-        """The local minimum below a start, as far as evaluations are left."""
+        """The local minimum found from a start within the remaining evaluations."""
         if self.count >= self.allowed:
             return start
         return optimize.minimize(
@@ -241,9 +242,9 @@ class _Search:
     def settle(
         self, starts: list[np.ndarray], curvature: np.ndarray | None, part: _Search
     ) -> tuple[list[np.ndarray], np.ndarray]:
-        """Quasi-Newton steps from the best start, near a minimum: where they come to, and the curvature there.
+        """Quasi-Newton steps from the best start, near a minimum; their end, and the curvature there.
 
-        They begin with a curvature given, or that of a part of the samples, which is nearly that of all.
+        The initial curvature is the given one, or that of a part of the samples, which is nearly that of all.
         """
         low, high = np.transpose(self.bounds)
         starts = [np.clip(start, low, high) for start in starts]
@@ -256,7 +257,7 @@ class _Search:
             step[free] = -np.linalg.solve(curvature[np.ix_(free, free)], slope[free])
             step *= min(1.0, LONGEST_STEP / np.abs(step).max(initial=LONGEST_STEP))
             step = np.clip(at + step, low, high) - at
-            if -slope @ step < 2.0 * SETTLED:  # the gain that is still expected is half of it
+            if -slope @ step < 2.0 * SETTLED:  # the expected gain is half of this
                 break
             after, slope_after = self(at + step, gradient=True)
             while after >= loss and self.count < self.allowed and -slope @ step > SETTLED:
@@ -282,12 +283,12 @@ class _Search:
 
 
 def _bounds(training: Training) -> list[tuple[float, float]]:
-    """Between which log C and log sigma, or log C alone, are searched."""
+    """The bounds of log C and log sigma, or of log C alone, in the search."""
     samples, distances = training.samples, training.distances
     bounds = [(np.log(LEAST_PENALTY), np.log(largest_penalty(samples)))]
     if distances.radial:
         return [*bounds, widths(distances.median, distances.reach)]
-    size = np.trace(distances.square) / len(samples.x)  # its values are not at most 1, as the radial ones are
+    size = np.trace(distances.square) / len(samples.x)  # unlike radial kernels, its values may exceed 1
     return [(low - np.log(size), high - np.log(size)) for low, high in bounds]
 
 
@@ -297,7 +298,7 @@ def largest_penalty(samples: Samples) -> float:
 
 
 def widths(median: float, reach: tuple[float, float]) -> tuple[float, float]:
-    """Between which log sigma is searched, for samples of this median distance and within this reach."""
+    """The bounds of log sigma, for samples of this median distance and this range of sigma."""
     return np.log(max(WIDTHS[0] * median, 1.001 * reach[0])), np.log(min(WIDTHS[1] * median, 0.999 * reach[1]))
 
 
@@ -325,7 +326,8 @@ class _Grid:
     def minima(self, output: int | None = None) -> list[np.ndarray]:
         """Local minima over sigma, each at its best C, best first, for one output or for all together.
 
-        Not over both: the valley of good pairs runs aslant through the grid and looks like many minima.
+        They are not minima over both: the valley of good pairs runs diagonally through the grid and looks like many
+        minima.
         """
         place = None if output is None else int(np.count_nonzero(self.varies[:output]))
         losses = self.losses.mean(axis=0) if place is None else self.losses[place]
