@@ -1,4 +1,4 @@
-"""IVLS that works: theta_1 kept at 1, rows integrated once, and an instrument that cannot run away."""
+"""A corrected IVLS: theta_1 kept at 1, rows integrated once, and an instrument that cannot diverge."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from identification.recursive.samples import Samples
 
 @compiled
 def _smoothed(s, piston, h):
-    """The piston after two lags of s.smoothing seconds, into the ring of the coming sample."""
+    """Write the piston after two lags of s.smoothing seconds into the ring, at the coming sample."""
     if s.seen == 1.0:
         s.smooth[0] = s.smooth[1] = piston
     share = 1.0 - exp(-h / s.smoothing)
@@ -45,10 +45,10 @@ def _smoothed(s, piston, h):
 
 @compiled
 def _steer(s, lagged, before, h):
-    """The auxiliary model's rate over the coming h s into s.simulated = [rate, mean rate over the interval].
+    """Write the auxiliary model's rate over the coming h s into s.simulated = [rate, mean rate over the interval].
 
-    Its time constant stays within limits, at the steady rates that the estimate gives: for bounded pistons it is
-    bounded, whatever the estimate.
+    Its time constant is limited, while its steady rates are those of the estimate: for bounded pistons it is bounded,
+    whatever the estimate.
     """
     given = s.auxiliary[1]
     damping = min(max(given, 1.0 / s.slowest), 1.0 / s.fastest)
@@ -62,7 +62,7 @@ def _steer(s, lagged, before, h):
 
 @compiled
 def _advance(s, depth, piston, h, weight, regressor, instrument):
-    """A sample into the state s."""
+    """Process a sample in the state s."""
     if h == 0.0 or s.seen == 0.0:
         begin(s, depth)
         s.simulated[0] = s.simulated[1] = s.target = 0.0
@@ -73,7 +73,7 @@ def _advance(s, depth, piston, h, weight, regressor, instrument):
     lagged, before = s.past_piston[slot(s, s.lag)], s.past_piston[slot(s, s.lag + 1.0)]
     if s.seen >= 2.0:
         least_squares_row(s, piston, h, regressor)
-        # row / h is the change of the rate; a leaky sum of such changes telescopes, and so does the noise in it
+        # row / h is the change of the rate; a leaky sum of such changes telescopes, and so does its noise
         left = exp(-h / s.memory)
         square = 0.5 * (h + s.interval)
         s.target = left * s.target + (depth - regressor[0]) / h
@@ -102,7 +102,7 @@ def _advance(s, depth, piston, h, weight, regressor, instrument):
 
 @compiled
 def _integrate_backwards(instrument, interval, memory, result):
-    """The instrument that belongs to each row before its integration, into result: the leaky sum of those to come."""
+    """Write the instrument of each row before its integration into result: the leaky sum of the later ones."""
     total = np.zeros(COUNT)
     for k in range(interval.size - 1, -1, -1):
         h = interval[k]
@@ -124,9 +124,10 @@ class CorrectedIvls:
 
     theta_1 is 1. Rows are integrated once, with a leak of `memory` s: the second difference of depth noise becomes a
     first one. The instrument is the rate of an auxiliary model with a time constant between `fastest` and `slowest` s,
-    driven by the piston of `lag` samples before after two lags of `smoothing` s: the feedback's answer to noise, which
-    is quick, is not in it. theta of the auxiliary model is fixed in a pass; `fit` makes the first pass by least squares
-    and `passes` more. Sample by sample, least squares for `warm_up` samples, then it follows theta by `share` a sample.
+    driven by the piston `lag` samples earlier after two lags of `smoothing` s: this removes the fast reaction of the
+    feedback to noise. theta of the auxiliary model is fixed in a pass; `fit` makes the first pass by least squares and
+    `passes` more. Sample by sample, it uses least squares for `warm_up` samples and then follows theta by `share` a
+    sample.
     In closed loop a bias remains, as the leak remembers noise that the piston answered; in tests 0.5 % of D/M.
     initial, spread, known: see `Rwls`; known=("piston_rate",) steadies a log with little piston travel.
     Source: Young 2011, Recursive Estimation and Time-Series Analysis, ch. 7; Soderstrom and Stoica 1983, ch. 4 to 6.
@@ -189,7 +190,7 @@ class CorrectedIvls:
         return updated(_ONE, memory, z, x, h, weight)
 
     def fit(self, *records: Record) -> DivingFit:
-        """Fit over all records; history is that of the last pass."""
+        """Fit over all records; the history is that of the last pass."""
         samples = Samples.of(records, "CorrectedIvls", COUNT - len(set(self._known)))
         weights = np.ones(samples.depth.size)
         trace = traced(_ALL, self._started(None, np.inf, 0.0), samples, weights)

@@ -17,12 +17,12 @@ _NORMAL_95 = 1.959964
 
 @dataclass(frozen=True, eq=False)
 class DivingFit:
-    """A diving model, and how sure its parameters are.
+    """A diving model, and the uncertainty of its parameters.
 
     theta: (6,), in the order of `PARAMETERS`; the model leaves `unity` out, as equation (5) does.  covariance: (6, 6),
-    None where the method has none; estimates say why.  history: theta after each sample, (n, 6), where the method has
-    one.  noise: standard deviation of the depth noise, m, that explains the one-step errors; errors of structure count
-    as noise.  skipped: updates left out.
+    None if the method has none; the estimates then say why.  history: theta after each sample, (n, 6), if the method
+    has one.  noise: standard deviation of the depth noise, m, that explains the one-step errors; structural errors
+    count as noise.  skipped: number of skipped updates.
     """
 
     model: DivingModel
@@ -34,7 +34,7 @@ class DivingFit:
     skipped: int = 0
 
     def __getitem__(self, name: str) -> Estimate:
-        """The estimate of a parameter; raises KeyError where there is none of this name."""
+        """The estimate of a parameter; raises KeyError if there is none of this name."""
         for estimate in self.estimates:
             if estimate.path == name:
                 return estimate
@@ -52,7 +52,7 @@ def diving_fit(
     history: np.ndarray | None = None,
     skipped: int = 0,
 ) -> DivingFit:
-    """A fit with its estimates; reason: why there is no covariance.  Raises where theta is not finite."""
+    """A fit with its estimates; reason: why there is no covariance.  Raises if theta is not finite."""
     if not np.isfinite(theta).all():
         raise ValueError(
             "The recursion left the finite numbers: start nearer to the truth, with a smaller spread, or forget less."
@@ -70,7 +70,7 @@ def diving_fit(
 
 
 def traced_fit(trace: Trace, samples: Samples, instrument: np.ndarray, known: Sequence[str]) -> DivingFit:
-    """The fit at the end of a recursion, with the scatter that an instrument gives; see `scatter`."""
+    """The fit at the end of a recursion, with the scatter according to an instrument; see `scatter`."""
     theta, memory = trace.memory.theta, trace.memory
     covariance, noise = scatter(samples, theta, memory.gain, instrument)
     return diving_fit(samples, theta, covariance, noise=noise, known=known, history=trace.theta, skipped=memory.skipped)
@@ -80,8 +80,9 @@ def scatter(samples: Samples, theta: np.ndarray, gain: np.ndarray, instrument: n
     """(covariance of theta, standard deviation of the depth noise, m) under white depth noise v.
 
     gain: P with theta - truth = P sum of instrument(k) e(k), where instrument, (n, 6), belongs to the error e of
-    equation (8), e(k) = v(k) - a v(k-1) + b v(k-2). The sum is one over v, whose terms are independent: so the colour
-    that differencing gives to e is allowed for.  Biases, by errors in the regressor or of structure, are not in it.
+    equation (8), e(k) = v(k) - a v(k-1) + b v(k-2).  The sum is rewritten over v, whose terms are independent, which
+    accounts for the correlation of e by differencing.  Biases, by errors in the regressor or of structure, are not
+    included.
     Source: Soderstrom and Stoica 1983, Instrumental Variable Methods for System Identification, sec. 4.
     """
     h = samples.interval

@@ -1,11 +1,10 @@
-"""The diving model of a profiling float, equation (5) of Zhong et al. 2024 over its mass, as a Model; its regressor.
+"""The diving model of a profiling float, equation (5) of Zhong et al. 2024 divided by its mass, and its regressor.
 
     z'' + D/M z' + d/M = N3/M x' + N2/M |x| x + N1/M x        z: depth, x: piston
 
-The piston of a record's row is held until the next row. What the paper calls x(k) is the piston that acted on the way
-to z(k), so here that of row k - 1: a depth does not see the piston of its own row. At the surface, where its cross-
-section carries a float, the equation does not hold: leave that part of a log out before a fit.
-
+The piston of a record's row is held until the next row.  The paper's x(k) is the piston that acted on the way to z(k),
+so here that of row k - 1: a depth does not depend on the piston of its own row.  At the surface, where the waterplane
+of a float supports it, the equation does not hold: leave that part of a log out before a fit.
 Source: Zhong, Yu, Bai, Zeng and Lian 2024, "Diving dynamics identification and motion prediction for marine crafts
 using field data", J. Ocean Eng. Sci. 9(4).
 """
@@ -24,7 +23,7 @@ from auv_gym.model import check_finite, inputs_of
 from auv_gym.records.record import Record
 from identification.fit.validation import head_windows
 
-# theta of equation (8), in order, with units; `unity` multiplies the depth carried on, and is 1 by its meaning.
+# theta of equation (8), in order, with units; `unity` multiplies the previous depth, and is 1 by definition.
 PARAMETERS = {
     "unity": "1",
     "damping": "1/s",
@@ -38,13 +37,11 @@ DEPTH, RATE, PISTON, INTERVAL = range(4)
 
 @compiled
 def regress(newer, older, piston, piston_before, h, h_before, row):
-    """The regressor of equation (8) into row, (6,): the next depth is row @ theta.
+    """Write the regressor of equation (8) into row, (6,): the next depth is row @ theta.
 
     newer, older: the last two depths, h_before s apart.  piston: held over the h s to the next depth.
     On uneven samples the second difference is the divided one,
-
         z'' = 2 / (h + h_before) ((z - newer) / h - (newer - older) / h_before),
-
     and z' = (newer - older) / h_before, x' = (piston - piston_before) / h; with h = h_before this is as printed.
     """
     square = 0.5 * h * (h + h_before)
@@ -59,9 +56,9 @@ def regress(newer, older, piston, piston_before, h, h_before, row):
 
 @compiled
 def regressors(depth, piston, interval, rows):
-    """The regressor of equation (8) at each sample into rows, (n, 6); zero where two samples before it are lacking.
+    """Write the regressor of equation (8) at each sample into rows, (n, 6); zero without two samples before it.
 
-    piston: that which acted on the way to the sample.  interval: s since the sample before; 0 begins a segment.
+    piston: the one that acted on the way to the sample.  interval: s since the sample before; 0 begins a segment.
     """
     for k in range(2, depth.size):
         if interval[k] > 0.0 and interval[k - 1] > 0.0:
@@ -71,7 +68,7 @@ def regressors(depth, piston, interval, rows):
 @compiled
 def decayed(damping, h):
     """exp(-D h), its integral over h s, and the integral of that; for any sign of D, 1/s."""
-    if abs(damping * h) < 1e-4:  # the quotients below lose digits; the series is exact to rounding
+    if abs(damping * h) < 1e-4:  # the quotients below would lose digits; the series is exact to rounding
         once = h * (1.0 - damping * h / 2.0 + (damping * h) ** 2 / 6.0)
         return exp(-damping * h), once, h * h * (0.5 - damping * h / 6.0 + (damping * h) ** 2 / 24.0)
     once = -expm1(-damping * h) / damping
@@ -80,11 +77,11 @@ def decayed(damping, h):
 
 @compiled
 def dive(x, piston, h, parameters, difference):
-    """Advance the state x = [depth, rate, last piston, last interval] in place by h s, the piston held.
+    """Advance the state x = [depth, rate, last piston, last interval] in place by h s, with the piston held.
 
-    parameters: [D/M, d/M, N3/M, N2/M, N1/M].  difference: equation (8), in which the rate is the mean one over the
-    last interval; otherwise equation (5) in closed form.  A last interval of 0 says that there was no sample before:
-    the rate is then that of the instant, and the piston has not moved.
+    parameters: [D/M, d/M, N3/M, N2/M, N1/M].  difference: equation (8), in which the rate is the mean over the last
+    interval; otherwise equation (5) in closed form.  A last interval of 0 means that there was no sample before: the
+    rate is then instantaneous, and the piston has not moved.
     """
     damping, offset, piston_rate, piston_square, piston_gain = parameters
     force = piston_square * abs(piston) * piston + piston_gain * piston - offset
@@ -94,7 +91,7 @@ def dive(x, piston, h, parameters, difference):
         x[0] += h * x[1]
     else:
         left, once, twice = decayed(damping, h)
-        rate = x[1] + kick  # the rate follows a step of the piston at once, by N3
+        rate = x[1] + kick  # the rate responds to a step of the piston at once, by N3
         x[0] += rate * once + force * twice
         x[1] = rate * left + force * once
     x[2], x[3] = piston, h
@@ -102,7 +99,7 @@ def dive(x, piston, h, parameters, difference):
 
 @compiled
 def dives(starts, begin, stop, time, piston, parameters, difference, depth):
-    """Depths, m, of free runs over windows of rows begin..stop into depth, one window after the other."""
+    """Write the depths, m, of free runs over windows of rows begin..stop into depth, one window after the other."""
     row = 0
     for w in range(begin.size):
         x = starts[w].copy()
@@ -117,9 +114,9 @@ def dives(starts, begin, stop, time, piston, parameters, difference, depth):
 class DivingModel:
     """Depth of a float from its piston, as a Model; steps over any interval, so it runs on uneven samples.
 
-    scheme: "exact" solves equation (5) with the piston held, and is stable at any sampling where damping > 0;
-    "difference" is equation (8) as printed, stable only below h D/M = 2. Identified parameters of a noisy log can be
-    beyond that, so "exact" is the default.
+    scheme: "exact" solves equation (5) with the piston held, and is stable at any sampling if damping > 0; "difference"
+    is equation (8) as printed, stable only below h D/M = 2.  Parameters identified from a noisy log can be beyond that,
+    so "exact" is the default.
     The published D/M = 3.95 1/s at h = 0.7 s gives 1 - h D/M = -1.8: equation (8) diverges with it, and table 1 has no
     piston between 0.5 and 0.6 m at which d/M = N2/M |x| x + N1/M x, in metres or in millimetres.
 
@@ -169,7 +166,7 @@ class DivingModel:
         return (self.damping, self.offset, self.piston_rate, self.piston_square, self.piston)
 
     def initial(self, y0: np.ndarray) -> np.ndarray:
-        """At rest at a depth, m, without a sample before; see `settled_starts` for a float on its way."""
+        """The state at rest at a depth, m, with no sample before; see `settled_starts` for a moving float."""
         return np.array([np.asarray(y0, dtype=float)[0], 0.0, 0.0, 0.0])
 
     def step(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -190,7 +187,7 @@ class DivingModel:
         return np.array([x[DEPTH]], dtype=np.float64)
 
     def correct(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """The state at a measured depth; the rate is kept, because one depth does not tell it."""
+        """The state at a measured depth; the rate is kept, since one depth does not determine it."""
         x = np.array(x, dtype=np.float64)
         if np.isfinite(y[0]):
             x[DEPTH] = y[0]
@@ -215,8 +212,8 @@ class DivingModel:
 def settled_starts(model: DivingModel, record: Record, windows: Sequence[slice], settle: float = 20.0) -> np.ndarray:
     """States at the first rows of windows, (n_windows, 4): depth and rate fitted to the first `settle` s of each.
 
-    For logs that begin in mid-dive; `simulate` starts at the first measured depth and at rest, as a float does that
-    is let go at the surface.
+    For logs that begin in mid-dive; `simulate` starts at the first measured depth and at rest, like a float released at
+    the surface.
     """
     heads = head_windows(record, windows, settle)
     starts = np.zeros((len(heads), 4))
@@ -224,6 +221,6 @@ def settled_starts(model: DivingModel, record: Record, windows: Sequence[slice],
         at_zero, moving = np.zeros((1, 4)), np.array([[0.0, 1.0, 0.0, 0.0]])
         forced = model.run(record, [head], at_zero)[:, 0]
         response = model.run(record, [head], moving)[:, 0] - forced
-        columns = np.stack([np.ones_like(response), response], axis=1)  # linear in both, so two runs tell it
+        columns = np.stack([np.ones_like(response), response], axis=1)  # linear in both, so two runs suffice
         starts[w, :2] = np.linalg.lstsq(columns, record["depth_m"][head] - forced, rcond=None)[0]
     return starts

@@ -1,4 +1,4 @@
-"""IVLS as printed: least squares with an instrument that the estimates themselves simulate."""
+"""IVLS as printed: least squares with an instrument that is simulated by the estimates themselves."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from identification.recursive.samples import Samples
 
 @compiled
 def _store(s, piston):
-    """What equations (31) and (32) will look back to, under the coming sample's number."""
+    """Store the past values for equations (31) and (32), under the coming sample's number."""
     place = int(s.seen) % RING
     s.past_piston[place] = piston
     for i in range(COUNT):
@@ -43,7 +43,7 @@ def _store(s, piston):
 
 @compiled
 def _advance(s, depth, piston, h, weight, regressor, instrument):
-    """A sample into the state s, by equations (31) to (34); s.simulated: xi, newest first."""
+    """Process a sample in the state s, by equations (31) to (34); s.simulated: xi, newest first."""
     if h == 0.0 or s.seen == 0.0:
         begin(s, depth)
         s.simulated[0] = depth
@@ -54,7 +54,7 @@ def _advance(s, depth, piston, h, weight, regressor, instrument):
         lagged, before, earlier = slot(s, s.lag), slot(s, s.lag + 1.0), slot(s, s.lag + 2.0)
         past = s.past_piston
         regress(s.simulated[0], s.simulated[1], past[lagged], past[lagged], h, s.interval, instrument)
-        # (31) takes the piston's speed from a sample before that of its position
+        # (31) takes the piston's speed one sample earlier than its position
         instrument[3] = 0.5 * (h + s.interval) * (past[before] - past[earlier])
         xi = 0.0
         for i in range(COUNT):
@@ -74,10 +74,10 @@ class Ivls:
     """Instrumental-variable least squares exactly as printed; use `CorrectedIvls` for results.
 
     share, lag: alpha and N of equation (32).  initial, spread, known: see `Rwls`.
-    On a dive with 0.02 m of depth noise it fails for these reasons. xi is a double integrator: at theta_1 = 1.0002 it
-    is unstable, at 1 it drifts off, and nothing ties it to the depth. theta* follows theta over lag / share = 8000
-    samples. An instrument out of step with the regressor lets the gain's denominator cross zero, where theta jumps. And
-    the error of equation (8) is the noise's second difference, ten times the acceleration.
+    On a dive with 0.02 m of depth noise it fails for these reasons.  xi is a double integrator: at theta_1 = 1.0002 it
+    is unstable, at 1 it drifts off, and nothing corrects it by the depth.  theta* follows theta over lag / share = 8000
+    samples.  If the instrument is out of phase with the regressor, the gain's denominator crosses zero, where theta
+    jumps.  And the error of equation (8) is the noise's second difference, ten times the acceleration.
     Source: Zhong et al. 2024, equations (31) to (34).
 
     Example:
@@ -113,7 +113,7 @@ class Ivls:
         return updated(_ONE, memory, z, x, h, weight)
 
     def fit(self, *records: Record) -> DivingFit:
-        """Fit over all records; raises where the instrument leaves the finite numbers."""
+        """Fit over all records; raises if the instrument leaves the finite numbers."""
         samples = Samples.of(records, "Ivls", COUNT - len(self.known))
         trace = traced(_ALL, self.start(), samples, np.ones(samples.depth.size))
         lost = ~np.isfinite(trace.instrument).all(axis=1)
@@ -122,5 +122,5 @@ class Ivls:
                 f"The instrument of Ivls left the finite numbers after {int(np.argmax(lost))} of {lost.size} samples: "
                 "take CorrectedIvls, whose instrument is bounded."
             )
-        with np.errstate(over="ignore", invalid="ignore"):  # it may have come close to that
+        with np.errstate(over="ignore", invalid="ignore"):  # the instrument may be close to overflow
             return traced_fit(trace, samples, trace.instrument, self.known)

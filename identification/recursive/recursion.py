@@ -1,4 +1,4 @@
-"""What all recursions for theta of equation (8) share: their state, the update of theta, and the loop over a record."""
+"""The common parts of all recursions for theta of equation (8): state, update of theta, and loop over a record."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from identification.recursive.samples import Samples
 COUNT = len(PARAMETERS)
 MOST_LAGS = 29
 RING = MOST_LAGS + 3
-LEAST_DENOMINATOR = 1e-6  # of the gain; at zero the update has no solution
+LEAST_DENOMINATOR = 1e-6  # least relative denominator of the gain; at zero the update has no solution
 
-# One state serves all recursions, so that one view of it does; what a recursion does not use stays zero.
+# One state type for all recursions, so that one view suffices; unused fields stay zero.
 STATE = np.dtype(
     (
         np.record,
@@ -58,10 +58,10 @@ advance: Any
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """What a recursion knows after some samples; `update` of its estimator returns the next one.
+    """The state of a recursion after some samples; `update` of its estimator returns the next one.
 
-    theta: (6,), in the order of `PARAMETERS`.  gain: P of equation (20), (6, 6).  skipped: updates left out because
-    the gain's denominator was nearly zero.
+    theta: (6,), in the order of `PARAMETERS`.  gain: P of equation (20), (6, 6).  skipped: number of updates skipped
+    because the gain's denominator was nearly zero.
     """
 
     vector: np.ndarray
@@ -87,7 +87,7 @@ class Memory:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """A recursion over samples: theta after each, and the instrument of its update, zero where there was none."""
+    """A recursion over samples: theta after each, and the instrument of its update, zero if there was none."""
 
     memory: Memory
     theta: np.ndarray
@@ -98,8 +98,8 @@ class Trace:
 def absorb(s, target, regressor, instrument, weight):
     """Update theta and P by a row: equations (20) and (34), with a forgetting factor.
 
-    With the regressor for an instrument this is weighted least squares.  A parameter whose row and column of P are
-    zero stays as it is.
+    With the regressor as instrument this is weighted least squares.  A parameter whose row and column of P are zero
+    keeps its value.
     """
     left, right = np.zeros(COUNT), np.zeros(COUNT)
     error, denominator = target, s.forgetting / weight
@@ -121,13 +121,13 @@ def absorb(s, target, regressor, instrument, weight):
 
 @compiled
 def begin(s, depth):
-    """The first sample of a segment: what was before it is forgotten, but not what was learnt."""
+    """Start a segment at its first sample: past samples are dropped, but the estimates are kept."""
     s.depth[0], s.seen = depth, 1.0
 
 
 @compiled
 def keep(s, depth, piston, h):
-    """A sample becomes the newest of those kept."""
+    """Store a sample as the newest one."""
     s.depth[1], s.depth[0] = s.depth[0], depth
     s.piston, s.interval = piston, h
     s.seen += 1.0
@@ -135,23 +135,23 @@ def keep(s, depth, piston, h):
 
 @compiled
 def least_squares_row(s, piston, h, regressor):
-    """The regressor of equation (8) on the kept samples."""
+    """Write the regressor of equation (8) on the stored samples."""
     regress(s.depth[0], s.depth[1], piston, s.piston, h, s.interval, regressor)
 
 
 @compiled
 def slot(s, age):
-    """Where a ring keeps what belongs to the sample `age` before the coming one, or to the segment's second sample."""
+    """The ring index of the sample `age` before the coming one, or of the segment's second sample if that is later."""
     return int(max(s.seen - age, 1.0)) % RING
 
 
 def _update(vector, depth, piston, h, weight, row):
-    """One sample into the state; row: scratch, (2, 6), for regressor and instrument."""
+    """Process one sample in the state; row: scratch, (2, 6), for regressor and instrument."""
     advance(view(vector), depth, piston, h, weight, row[0], row[1])  # noqa: F821 - `programs` gives it its meaning
 
 
 def _over(vector, depth, piston, interval, weight, theta, regressor, instrument):
-    """All samples into the state, with what each did to it."""
+    """Process all samples in the state, and write theta, regressor and instrument of each."""
     s = view(vector)
     for k in range(depth.size):
         advance(s, depth[k], piston[k], interval[k], weight[k], regressor[k], instrument[k])  # noqa: F821
@@ -177,7 +177,7 @@ def started(initial: Sequence[float], spread: float, known: Sequence[str], **set
 
 
 def updated(program: Any, memory: Memory, z: float, x: float, h: float, weight: float) -> Memory:
-    """The memory after a sample; raises where the sample is not one."""
+    """The memory after a sample; raises if the sample is invalid."""
     if not (np.isfinite(z) and np.isfinite(x) and h >= 0.0 and h < np.inf and weight > 0.0):
         raise ValueError(
             f"An update needs a finite depth and piston, h >= 0 s and a weight > 0, got z={z!r}, x={x!r}, h={h!r}, "
@@ -189,7 +189,7 @@ def updated(program: Any, memory: Memory, z: float, x: float, h: float, weight: 
 
 
 def traced(program: Any, memory: Memory, samples: Samples, weights: np.ndarray) -> Trace:
-    """A recursion over all samples, from a memory that is not changed."""
+    """A recursion over all samples, from a memory that is left unchanged."""
     vector, n = memory.vector.copy(), samples.depth.size
     theta, regressor, instrument = np.empty((n, COUNT)), np.zeros((n, COUNT)), np.zeros((n, COUNT))
     program(vector, samples.depth, samples.piston, samples.interval, weights, theta, regressor, instrument)
@@ -197,7 +197,7 @@ def traced(program: Any, memory: Memory, samples: Samples, weights: np.ndarray) 
 
 
 def check_settings(name: str, initial: Sequence[float], spread: float, known: Sequence[str]) -> None:
-    """Raises where the settings that recursions share cannot be."""
+    """Raise if the common settings of recursions are invalid."""
     if np.shape(initial) != (COUNT,) or not np.isfinite(initial).all():
         raise ValueError(f"{name} needs {COUNT} finite initial values ({', '.join(PARAMETERS)}), got {initial!r}.")
     if not 0.0 < spread < np.inf:
@@ -210,7 +210,7 @@ def check_settings(name: str, initial: Sequence[float], spread: float, known: Se
 
 
 def checked_weights(weights: Sequence[np.ndarray] | None, samples: Samples) -> np.ndarray:
-    """One weight per sample of all records; 1 where none are given."""
+    """One weight per sample of all records; 1 by default."""
     if weights is None:
         return np.ones(samples.depth.size)
     found = np.concatenate([np.asarray(part, dtype=float).ravel() for part in weights])

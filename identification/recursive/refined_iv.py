@@ -16,12 +16,12 @@ from identification.recursive.recursion import COUNT, check_settings
 from identification.recursive.rwls import UNKNOWN
 from identification.recursive.samples import Samples
 
-_SETTLED = 1e-6  # change of the damping, of its value, at which the iteration ends
+_SETTLED = 1e-6  # relative change of the damping at which the iteration ends
 
 
 @compiled
 def _responses(piston, interval, damping, columns):
-    """Depths that each term of equation (5) alone would give, from rest, into columns (n, 4): d, N3, N2, N1."""
+    """Write the depths that each term of equation (5) alone gives, from rest, into columns (n, 4): d, N3, N2, N1."""
     rate = np.zeros(4)
     for k in range(piston.size):
         h = interval[k]
@@ -47,7 +47,7 @@ def _responses(piston, interval, damping, columns):
 
 @compiled
 def _lagged(depth, interval, damping, result):
-    """1 / (s + D) of a depth that is straight between samples, from zero at the start of each segment, into result."""
+    """Write 1 / (s + D) of a depth, linear between samples, from zero at the start of each segment, into result."""
     for k in range(depth.size):
         h = interval[k]
         if h == 0.0:
@@ -60,7 +60,7 @@ def _lagged(depth, interval, damping, result):
 
 @compiled
 def _released(interval, damping, result):
-    """Depth, m, that a rate of 1 m/s at the start of each segment gives, into result."""
+    """Write the depth, m, that a rate of 1 m/s at the start of each segment gives into result."""
     rate = 1.0
     for k in range(interval.size):
         h = interval[k]
@@ -76,10 +76,10 @@ def _released(interval, damping, result):
 class RefinedIv:
     """Simplified refined instrumental variables for equation (5), iterated over whole records.
 
-    With the filter 1 / (s (s + D)) of the last iteration, white depth noise is white in the equation, and with the
-    depth of the model in the place of the measured one as instrument there is no bias and no smaller scatter. Depth
-    and rate at the start of each segment are fitted too. Good in closed loop where depth noise is white, because the
-    piston answers only to noise that is past.
+    With the filter 1 / (s (s + D)) of the last iteration, white depth noise is white in the equation.  With the model's
+    depth instead of the measured one as instrument, there is no bias and the scatter is minimal.  Depth and rate at the
+    start of each segment are fitted, too.  The method works in closed loop if depth noise is white, because the piston
+    reacts only to past noise.
     slowest, fastest: s, limits of the time constant M/D.  initial, known: parameters in known keep their initial value.
     Source: Young and Jakeman 1980, Int. J. Control 31(4), 741-764; Young 2011, Recursive Estimation and Time-Series
     Analysis, ch. 8.
@@ -113,7 +113,7 @@ class RefinedIv:
         return ("unity", *self.known)
 
     def fit(self, *records: Record) -> DivingFit:
-        """Fit over all records; raises where the iteration does not settle, or settles at a limit."""
+        """Fit over all records; raises if the iteration does not converge, or converges to a limit."""
         free = np.array([i for i, name in enumerate(PARAMETERS) if name not in self._known])
         samples = Samples.of(records, "RefinedIv", free.size)
         theta = np.array(self.initial, dtype=float)
@@ -122,7 +122,7 @@ class RefinedIv:
             theta[1] = self._within(first.theta[1])
         model = samples.depth  # the first pass is least squares
         for iteration in range(self.max_iterations):
-            step = 1.0 if iteration < self.max_iterations // 3 else 0.5  # full ones may swing about the solution
+            step = 1.0 if iteration < self.max_iterations // 3 else 0.5  # full steps may oscillate about the solution
             damping = theta[1]
             theta, starts, instrument = self._pass(samples, theta, free, model, step)
             columns, released = _columns(samples, theta[1])
@@ -149,7 +149,7 @@ class RefinedIv:
     def _pass(
         self, samples: Samples, theta: np.ndarray, free: np.ndarray, model: np.ndarray, step: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Next theta, depths and rates at the starts of segments, and the instruments; model: depths of the last one.
+        """Next theta, depths and rates at the starts of segments, and the instruments; model: depths of the last pass.
 
         z = D / (s + D) z + s / (s + D) z: with the filter's D, the coefficient of the damping's column is its change.
         """

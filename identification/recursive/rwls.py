@@ -31,7 +31,7 @@ UNKNOWN = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 @compiled
 def _advance(s, depth, piston, h, weight, regressor, instrument):
-    """A sample into the state s."""
+    """Process a sample in the state s."""
     if h == 0.0 or s.seen == 0.0:
         begin(s, depth)
         return
@@ -51,10 +51,10 @@ class Rwls:
     """Recursive weighted least squares on equation (8); biased by depth noise, see `CorrectedIvls`.
 
     forgetting: factor on past information per sample; 1 forgets nothing.  initial, spread: theta before the first
-    sample and its standard deviation, of all parameters.  known: parameters that keep their initial value; theta_1 is
+    sample and its standard deviation, for all parameters.  known: parameters that keep their initial value; theta_1 is
     free in the paper, and known=("unity",) keeps it at 1.
-    Depth noise is in the regressor too: the second difference of it outweighs the float's acceleration, and the
-    estimate of D/M is drawn towards 1.5/h. The intervals hold the scatter, not this bias.
+    Depth noise is in the regressor, too: its second difference outweighs the float's acceleration, and biases the
+    estimate of D/M towards 1.5/h. The intervals describe the scatter, not this bias.
     Source: Zhong et al. 2024, equation (20).
 
     Example:
@@ -85,7 +85,7 @@ class Rwls:
     def update(self, memory: Memory, z: float, x: float, h: float, weight: float = 1.0) -> Memory:
         """The memory after a depth z, m, measured h s after the last, while the piston was held at x, m.
 
-        h = 0 begins anew, at the first sample or after a gap, and keeps theta.  weight: Lambda of this sample.
+        h = 0 starts a segment, at the first sample or after a gap, and keeps theta.  weight: Lambda of this sample.
         """
         return updated(_ONE, memory, z, x, h, weight)
 

@@ -1,4 +1,4 @@
-"""Depth and piston of records in the form that the estimators of a diving model take."""
+"""Depth and piston of records in the form that the estimators of a diving model use."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SAMPLES_PER_PARAMETER = 4
 class Samples:
     """Rows of all records, one after the other.
 
-    depth: m.  piston: m, that of the row before, which acted on the way to the row's depth.  interval: s since the row
+    depth: m.  piston: m, from the row before, which acted on the way to the row's depth.  interval: s since the row
     before; 0 where a segment begins.
     """
 
@@ -26,7 +26,7 @@ class Samples:
 
     @classmethod
     def of(cls, records: Sequence[Record], name: str, parameters: int) -> Samples:
-        """The samples of records; raises, on behalf of the estimator `name`, where nothing can be fitted to them."""
+        """The samples of records; raises, on behalf of the estimator `name`, if nothing can be fitted to them."""
         if not records:
             raise ValueError(f"{name}.fit needs at least one record, got none.")
         for record in records:
