@@ -1,6 +1,6 @@
-"""From records to models, and from the models' errors to the physical effect that is missing.
+"""From records to models, and from the models' errors to the missing physical effect.
 
-Experiments, estimators (grey box first), comparison on data that took no part in the fit, diagnosis and its pages.
+Experiments, estimators (grey box first), comparison on held-out data, diagnosis and its pages.
 """
 
 import lazy_loader

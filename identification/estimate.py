@@ -1,4 +1,4 @@
-"""A fitted parameter with its interval: what every fit lists of its parameters."""
+"""A fitted parameter with its interval, the entry in every fit's list of parameters."""
 
 from __future__ import annotations
 
@@ -27,5 +27,5 @@ class Estimate:
 
 
 def half_width(freedom: float) -> float:
-    """How many standard errors an interval of 95 % reaches to either side, by Student's t."""
+    """Half-width of a 95 % interval in standard errors, by Student's t."""
     return float(stdtrit(freedom, 0.975))

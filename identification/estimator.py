@@ -1,4 +1,4 @@
-"""Methods of identification by name: settings in the constructor, records into `fit`, a new result out."""
+"""Identification methods by name: settings in the constructor, records into `fit`, a new result out."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from identification.estimate import Estimate
 
 GROUP = "auv_gym.methods"
-# Fields of an estimator that say what it works on; all others are settings.
+# Fields of an estimator for the vehicle and channels; all others are settings.
 _GIVEN = ("plant", "inputs", "outputs")
 
 
 class Fit(Protocol):
-    """The result of a fit; `model` runs wherever a Model runs, estimates say how sure its parameters are."""
+    """The result of a fit; `model` runs wherever a Model runs, and the estimates give its parameters' uncertainty."""
 
     @property
     def model(self) -> Model: ...
@@ -36,21 +36,21 @@ class Fit(Protocol):
 
 @runtime_checkable
 class Noted(Protocol):
-    """A fit that has something to say of itself."""
+    """A fit with remarks for its reader."""
 
     @property
     def notes(self) -> tuple[str, ...]: ...
 
 
 class Estimator(Protocol):
-    """A method with its settings; `fit` changes nothing in it and raises ValueError if the data cannot do."""
+    """A method with its settings; `fit` changes nothing in it and raises ValueError if the data are unsuitable."""
 
     def fit(self, *records: Record) -> Fit: ...
 
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting of a method: its name, the words for its type, and its default; needed: it has none."""
+    """A setting of a method: its name, a description of its type, and its default; needed: it has no default."""
 
     name: str
     type: str
@@ -62,10 +62,10 @@ class Setting:
 class Method:
     """A method of identification.
 
-    estimator: a frozen dataclass with `fit`, or where it is imported from when used, `module:Class`. Its fields are the
-    settings; the fields plant, inputs and outputs, where it has them, are filled with what it works on.
-    listed: the names of the settings, those that are needed with a star, for lists that should not import the class.
-    problem: why it cannot be used, of a method that another package offers.
+    estimator: a frozen dataclass with `fit`, or its import path `module:Class`, imported on use.  Its fields are the
+    settings; the fields plant, inputs and outputs, if it has them, are filled with the vehicle and channels.
+    listed: names of the settings, with a star for required ones, for lists that should not import the class.
+    problem: why a method of another package cannot be used.
     """
 
     name: str
@@ -75,7 +75,7 @@ class Method:
     listed: str = ""
 
     def load(self) -> Any:
-        """The estimator's class; raises ValueError where it cannot be had."""
+        """The estimator's class; raises ValueError if it is not available."""
         if self.problem:
             raise ValueError(f"Method {self.name} cannot be used: {self.problem}")
         if not isinstance(self.estimator, str):
@@ -85,17 +85,17 @@ class Method:
 
     @property
     def needs_vehicle(self) -> bool:
-        """Whether it fits parameters of a vehicle, which has to be given."""
+        """Whether it fits parameters of a vehicle, which must be given."""
         return any(field.name == "plant" and _needed(field) for field in fields(self.load()))
 
     @property
     def needs_channels(self) -> bool:
-        """Whether it has to be told inputs and outputs; others know theirs."""
+        """Whether inputs and outputs must be given; other methods know theirs."""
         return any(field.name in ("inputs", "outputs") and _needed(field) for field in fields(self.load()))
 
     @property
     def setting_names(self) -> str:
-        """The names of the settings, those that are needed with a star, divided by commas."""
+        """The names of the settings, with a star for required ones, separated by commas."""
         return self.listed or ", ".join(f"{s.name}{'*' * s.needed}" for s in self.settings.values())
 
     @property
@@ -199,9 +199,9 @@ _BUILT_IN = (
 
 
 def list_methods() -> dict[str, Method]:
-    """All methods by name: ours, and those of the entry point group `auv_gym.methods`, each a `Method`.
+    """All methods by name: built-in ones, and those of the entry point group `auv_gym.methods`, each a `Method`.
 
-    One that cannot be loaded is there with its problem.
+    A method that cannot be loaded is included with its problem.
 
     Example:
 
@@ -230,8 +230,9 @@ def make_estimator(
 ) -> Estimator:
     """Make the estimator of a method from its name and settings; raises ValueError if a setting is not known.
 
-    settings: values by name; text is read as the setting's type has it.  plant: what `grey_box` frees parameters of, by
-    default those that a first fit of such a vehicle frees.  inputs, outputs: channels, of methods that are told theirs.
+    settings: values by name; text is parsed by the setting's type.  plant: the vehicle whose parameters `grey_box`
+    frees, by default those that a first fit of such a vehicle frees.  inputs, outputs: channels, for methods that need
+    them.
 
     Example:
 
@@ -263,7 +264,7 @@ def make_estimator(
 
 
 def parse_settings(texts: Iterable[str]) -> dict[str, Any]:
-    """Settings from `key=value` texts: values as TOML has them, a comma makes a list, other text stays text."""
+    """Settings from `key=value` texts: values as in TOML, a comma makes a list, other text stays text."""
     found: dict[str, Any] = {}
     for text in texts:
         key, separator, value = (part.strip() for part in text.partition("="))
@@ -311,7 +312,7 @@ def summary(fit: Fit) -> str:
 
 
 def notes_of(fit: Fit) -> tuple[str, ...]:
-    """What a fit says in words of itself; most say nothing."""
+    """The remarks of a fit; most have none."""
     return tuple(fit.notes) if isinstance(fit, Noted) else ()
 
 
@@ -331,21 +332,21 @@ def _worked_on(method: Method, given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _loaded(name: str, value: str, load: Any) -> Method:
-    """The method of an entry point, or one that says what is wrong with it."""
+    """The method of an entry point, or one with a description of its problem."""
     try:
         method = load()
         if not isinstance(method, Method):
             raise ValueError(f"it is a {type(method).__name__}, not an identification.estimator.Method")
         if method.name != name:
             raise ValueError(f"it calls itself {method.name!r}")
-        _ = method.settings, method.load().fit  # a class without them is found out here
-    except Exception as error:  # whatever another's package raises, ours go on
+        _ = method.settings, method.load().fit  # raises for a class without them
+    except Exception as error:  # an error in another package must not affect the built-in methods
         return Method(name, f"from {value}", value, f"its entry point {value} is broken: {error}.")
     return method
 
 
 def _converted(method: str, key: str, value: Any, hint: Any) -> Any:
-    """A setting's value as its type has it: whole numbers as floats where floats are due, lists as tuples."""
+    """A setting's value converted to its type: whole numbers to floats if needed, lists to tuples."""
     from pydantic import TypeAdapter, ValidationError
 
     value = _tuples(value)
@@ -354,7 +355,7 @@ def _converted(method: str, key: str, value: Any, hint: Any) -> Any:
         return expected.validate_python(value)
     except ValidationError as error:
         if isinstance(value, str | int | float):
-            with suppress(ValidationError):  # one alone may stand for a list of one
+            with suppress(ValidationError):  # a single value may mean a list of one
                 return expected.validate_python((value,))
         why = "; ".join(dict.fromkeys(found["msg"] for found in error.errors()))
         raise ValueError(f"Method {method} cannot take {key} = {value!r}: {why}.") from None

@@ -1,4 +1,4 @@
-"""A model fitted to records and judged on others: free runs, and tests of what it leaves."""
+"""A model fitted to records and judged on others: free runs, and residual tests."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ HELD_SHARE = 1.0 / 3.0
 class Identified:
     """A fit, and the errors of its model on held-out data.
 
-    held: the held-out data as one record.  told: words for which data that is.  open_loop, tests: free runs and
-    residual tests over it, None where `problem` says why there are none; for tests see `residual_tests`.  search:
-    where the orders that were fitted are from, None where they were given.
+    held: the held-out data as one record.  told: a description of that data.  open_loop, tests: free runs and residual
+    tests over it, None if `problem` says why there are none; for tests see `residual_tests`.  search: the search of the
+    fitted orders, None if they were given.
     """
 
     fit: Fit
@@ -58,7 +58,7 @@ def identify(
     """Fit a model to records and test it on the records in `validate`, or else on the last third of the data.
 
     The model is then that of the first two thirds: the one that was judged.  window, settle: see `compare_open`.
-    search: where the estimator's orders are from, to go with the result; see `identification.order_search`.
+    search: the source of the estimator's orders, stored with the result; see `identification.order_search`.
     Raises what the fit raises; a model that cannot be judged is returned with the problem.
 
     Example:
@@ -97,7 +97,7 @@ def identify(
     sweep, band, doubts = None, None, ()
     if is_linear(fit) or predicts(fit.model):
         progress(0.9, "errors over the horizon")
-        with suppress(ValueError):  # records that the method reads and the check does not
+        with suppress(ValueError):  # some records suit the method but not the check
             doubts = check_causality(train, fit.model.inputs, fit.model.outputs)
         if open_loop is not None and open_loop.runs:
             try:
@@ -110,9 +110,9 @@ def identify(
 
 
 def split(records: Sequence[Record]) -> tuple[list[Record], list[Record], str]:
-    """Records to fit and records to judge by, and words for the latter: the last third of the segments.
+    """Records to fit and records to judge by, and a description of the latter: the last third of the segments.
 
-    With fewer than three segments, the last third of each.
+    With fewer than three segments, it is the last third of each.
     """
     parts = [record.select(_rows(record, s)) for record in records for s in record.segments]
     if len(parts) >= 3:
@@ -130,7 +130,7 @@ def split(records: Sequence[Record]) -> tuple[list[Record], list[Record], str]:
 
 
 def joined(records: Sequence[Record]) -> Record:
-    """One record of several, with the channels that all of them have."""
+    """Several records as one, with the channels that all of them have."""
     shared = [name for name in records[0].names if all(record.has(name) for record in records)]
     if not any(channel(name).kind in ("motion", "input") for name in shared):
         raise ValueError("The records share no motion and no input: name their columns alike by a mapping.")

@@ -1,4 +1,4 @@
-"""The search of orders that comes before a fit: its ranges as text, its data apart from those that judge."""
+"""The search of orders before a fit: its ranges as text, and its data, separate from the data that judge the fit."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from identification.linear.polynomials.orders import (
 )
 
 KEYS = ("n_a", "n_b", "n_c", "delay")
-_LONGEST = 50  # of a range; more is a slip of the pen
+_LONGEST = 50  # most values of a range; more is probably a typing error
 _PART = re.compile(r"(\d+)(?::(\d+))?")
 
 
@@ -35,10 +35,10 @@ def search_apart(
     tolerance: float = TOLERANCE,
     progress: Callable[[float, str], Any] = lambda fraction, text: None,
 ) -> OrderSearch:
-    """The search of orders for `identify(search.estimator(), records, validate)`, without a look at what judges it.
+    """The search of orders for `identify(search.estimator(), records, validate)`, without the data that judge the fit.
 
-    That is `validate`, or the last third of the data; `held_out` judges orders on the last third of what is then left.
-    ranges: see `parse_ranges`.  settings: others of the method.
+    Those are `validate`, or the last third of the data; `held_out` judges orders on the last third of the rest.
+    ranges: see `parse_ranges`.  settings: other settings of the method.
     """
     check_criterion(criterion)
     given = {name: tuple(names or ()) for name, names in (("inputs", inputs), ("outputs", outputs))}
@@ -69,7 +69,7 @@ def search_apart(
 
 
 def parse_ranges(texts: Iterable[str]) -> dict[str, tuple[int, ...]]:
-    """Orders to try by key from texts such as `n_a=1:6` (both ends are tried) or `delay=1,3`."""
+    """Orders to try by key, from texts such as `n_a=1:6` (both ends included) or `delay=1,3`."""
     found: dict[str, tuple[int, ...]] = {}
     for text in texts:
         key, _, value = (part.strip() for part in text.partition("="))
@@ -96,7 +96,7 @@ def parse_ranges(texts: Iterable[str]) -> dict[str, tuple[int, ...]]:
 
 
 def remarks(search: OrderSearch) -> tuple[str, ...]:
-    """What to know of a search: orders that could not be fitted, and chosen ones at the end of what was tried."""
+    """Remarks on a search: orders that could not be fitted, and chosen orders at the end of the tried range."""
     found = []
     for output in search.outputs:
         cells, best = search.of(output), search.best(output)
