@@ -1,4 +1,4 @@
-"""Simulation, identification and diagnosis of underwater vehicles: the vehicles and their environments.
+"""Simulation of underwater vehicles, for identification, diagnosis and learning: the vehicles and their environments.
 
 `controllers` and `identification` are the sister packages; this one imports neither of them.
 """

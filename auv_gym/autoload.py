@@ -1,8 +1,8 @@
-"""Lets `gymnasium.make("auv_gym/...")` find the environments without an import of this package.
+"""Registration of the environments for `gymnasium.make("auv_gym/...")` without an import of this package.
 
-Gymnasium 1.0 gave up the entry points that earlier versions read. Beside the installed package there is therefore a
-file `auv_gym_autoload.pth` that imports this module when Python starts; the module waits for gymnasium, and does
-nothing where that is never imported. It imports next to nothing itself: every start of Python pays for it.
+Gymnasium 1.0 dropped the entry points that earlier versions read.  Therefore a file `auv_gym_autoload.pth` beside the
+installed package imports this module when Python starts; the module waits for gymnasium, and does nothing if that is
+never imported.  It imports almost nothing itself, since every start of Python pays for it.
 """
 
 import sys
@@ -21,14 +21,14 @@ class _RegisterAfter:
         return self.loader.create_module(spec)
 
     def exec_module(self, module):
-        # The module gets its own loader: it is what it would have been without us.
+        # The module gets its own loader, as it would without us.
         module.__loader__ = module.__spec__.loader = self.loader
         self.loader.exec_module(module)
         _register()
 
 
 class _Watch:
-    """Finds nothing but gymnasium's registry, once."""
+    """A finder of gymnasium's registry only, used once."""
 
     def find_spec(self, name, path, target=None):
         if name != _AWAITED:

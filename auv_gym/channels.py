@@ -1,7 +1,7 @@
-"""The named signals that records, models, environments and reports share, and the units that columns may come in.
+"""The named signals that records, models, environments and reports share, and the units of columns in files.
 
-Signals are SI and radians; a name ends in its unit (`heading_rad`).  Angles follow SNAME: body axes forward, starboard,
-down; heading clockwise from north; roll to starboard and pitch up positive.
+Signals are in SI and radians; a name ends in its unit (`heading_rad`).  Angles follow SNAME: body axes forward,
+starboard, down; heading clockwise from north; roll to starboard and pitch up positive.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ Kind = Literal["time", "motion", "input", "command", "auxiliary"]
 
 @dataclass(frozen=True)
 class Channel:
-    """A signal: its name, unit, words for a report, and how it is treated between samples.
+    """A signal: its name, unit, label for reports, and treatment between samples.
 
     kind: motion and inputs must be known at every sample of a record; commands (set points) and auxiliary signals may
-    lack.  angle: on a circle, so that records unwrap it and residuals are wrapped.
+    be missing.  angle: on a circle, so that records unwrap it and residuals are wrapped.
     """
 
     name: str
@@ -35,12 +35,12 @@ class Channel:
 
     @property
     def held(self) -> bool:
-        """Whether the value stands until the next sample, as inputs, set points and flags do."""
+        """Whether the value is held until the next sample, as those of inputs, set points and flags are."""
         return self.kind in ("input", "command") or self.unit == ""
 
     @property
     def needed(self) -> bool:
-        """Whether a sample without it is of no use."""
+        """Whether a sample without it is useless."""
         return self.kind in ("time", "motion", "input")
 
 
@@ -119,7 +119,7 @@ SEGMENT_COLUMNS: Final = ("segment", "dive_id", "run")
 _FLAG_ENDINGS: Final = ("_good", "_valid", "_ok", "_flag", "_id")
 _FLAGS: Final = ("stage",)
 
-# What the attribute `units` of a record's variable says for each suffix.
+# The attribute `units` of a record's variable for each suffix.
 _SI: Final[dict[str, str]] = {
     "s": "s", "m": "m", "rad": "rad", "mps": "m/s", "radps": "rad/s", "mps2": "m/s2", "radps2": "rad/s2", "m3": "m3",
     "m4": "m4", "m3ps": "m3/s", "kg": "kg", "kgpm3": "kg/m3", "kgpm4": "kg/m4", "N": "N", "Nm": "N m", "V": "V",
@@ -175,7 +175,7 @@ _SPELLINGS: Final[dict[str, str]] = {
 
 
 class Conversion(NamedTuple):
-    """Where a column goes: the channel, and the function from its values to the channel's unit."""
+    """The channel of a column, and the function from its values to the channel's unit."""
 
     channel: Channel
     convert: Callable[[np.ndarray], np.ndarray]
@@ -184,18 +184,18 @@ class Conversion(NamedTuple):
 def channel(name: str) -> Channel:
     """The channel of a name in SI: a listed one, a flag, or an extra signal with a known unit.
 
-    An extra name that begins with heading_ or course_ is an angle; one that begins with excitation_, or whose unit
-    follows _cmd, is held between samples as set points are, and so is the length of a pulse to an actuator, `t1_us`.
+    An extra name that begins with heading_ or course_ is an angle.  One that begins with excitation_, or whose unit
+    follows _cmd, is held between samples as set points are; so is the length of a pulse to an actuator, `t1_us`.
     Raises if the unit is unknown or not SI.
     """
     return _channel(name)
 
 
 def conversion(name: str, unit: str | None = None) -> Conversion:
-    """How a column of this name comes into a record: `heading_deg` as `heading_rad`, times pi/180.
+    """The conversion of a column into a record by its name: `heading_deg` becomes `heading_rad`, times pi/180.
 
-    unit: what the file says besides the name (a NetCDF attribute); it wins over the suffix if both measure the same
-    quantity.  Raises on an unknown unit, on a unit that does not fit the signal, and where the two contradict.
+    unit: the unit stated elsewhere in the file (a NetCDF attribute); it overrides the suffix if both measure the same
+    quantity.  Raises on an unknown unit, on a unit that does not fit the signal, and if the two contradict each other.
     """
     if name in CHANNELS and unit is None:
         return Conversion(CHANNELS[name], _same)
@@ -220,9 +220,9 @@ def conversion(name: str, unit: str | None = None) -> Conversion:
 
 
 def in_unit(name: str, unit: str | None) -> str:
-    """The name of a column under which a mapping takes it as this channel in this unit: `heading_deg`.
+    """The name of a column by which a mapping reads it as this channel in this unit: `heading_deg`.
 
-    unit: as for `conversion`; None for the unit that the name says.
+    unit: as in `conversion`; None for the unit in the name.
     """
     if unit is None or is_flag(name):
         return name
@@ -236,7 +236,7 @@ def is_flag(name: str) -> bool:
 
 
 def set_point_of(name: str) -> str:
-    """The channel of what a signal is wanted to be: `depth_cmd_m` of `depth_m`."""
+    """The channel of a signal's set point: `depth_cmd_m` for `depth_m`."""
     return _marked(name, "cmd")
 
 
@@ -246,12 +246,12 @@ def excitation_of(name: str) -> str:
 
 
 def truth_of(name: str) -> str:
-    """The channel of what a signal truly is, beside what was measured of it: `depth_true_m` of `depth_m`."""
+    """The channel of a signal's true value, beside the measured one: `depth_true_m` for `depth_m`."""
     return _marked(name, "true")
 
 
 def wrap(angle: np.ndarray | float) -> np.ndarray:
-    """The same angles in [-pi, pi), rad: what a residual of an angle is wrapped by."""
+    """The same angles in [-pi, pi), rad, for residuals of angles."""
     return np.mod(np.asarray(angle, dtype=float) + pi, 2.0 * pi) - pi
 
 
@@ -313,7 +313,7 @@ def _suffix_of(unit: str, name: str) -> str:
 
 
 def _to_si(stem: str, suffix: str) -> tuple[str, Callable[[np.ndarray], np.ndarray]]:
-    """The SI suffix, and the conversion to it; pressures become metres only where the stem says depth."""
+    """The SI suffix, and the conversion to it; pressures become metres only if the stem says depth."""
     if suffix in _SI:
         factor = 1.0
     else:
@@ -340,9 +340,9 @@ _DECLARED: dict[str, Channel] = {}
 
 
 def declare_input(name: str, label: str) -> Channel:
-    """The channel of a vehicle's input, which from now on is known as one; a listed channel stays as it is.
+    """The channel of a vehicle's input, which is registered as an input; a listed channel is left unchanged.
 
-    Raises where the name says no unit.
+    Raises if the name states no unit.
     """
     found = channel(name)
     if name not in CHANNELS and name not in _DECLARED:
@@ -371,7 +371,7 @@ def _channel(name: str) -> Channel:
 
 
 def unit_per(over: str, under: str) -> str:
-    """The unit of one channel per unit of another, "1" where they have the same."""
+    """The unit of one channel per unit of another, "1" if they are the same."""
     above, below = channel(over).unit, channel(under).unit
     if above == below:
         return "1"

@@ -26,41 +26,41 @@ import numpy as np
 
 JIT = os.environ.get("AUV_GYM_JIT", "1") != "0"
 _GENERATIONS_KEPT = 6
-_LONG = 80  # letters of a name, beyond which it is cut: names of files have 255
+_LONG = 80  # longest name before it is cut: file names have at most 255 characters
 _STARTED = time.time()
 
 F = TypeVar("F", bound=Callable[..., Any])
-OPEN: Any = None  # an open name of a template, whose meaning `bind` gives
+OPEN: Any = None  # an open name of a template, to which `bind` gives a value
 
 
 def compiled(function: F) -> F:
-    """The function as machine code, cached on disk; the function itself where `AUV_GYM_JIT=0`.
+    """The function as machine code, cached on disk; the function itself with `AUV_GYM_JIT=0`.
 
-    Never fastmath: the plain and the compiled form agree to rounding. Calls are inlined, which halves a rollout's time:
-    small functions would spend most of theirs counting references to the arrays they are given.
+    fastmath is never used: the plain and the compiled form agree to rounding.  Calls are inlined, which halves a
+    rollout's time: small functions would spend most of theirs on counting references to their arrays.
     """
     return _later(function, [function]) if JIT else function
 
 
 def threads() -> int:
-    """How many threads may run compiled code side by side: as many as numba has, 1 in plain Python."""
+    """The number of threads that may run compiled code in parallel: numba's, or 1 in plain Python."""
     return int(_numba().get_num_threads()) if JIT else 1
 
 
 def outlined(function: F) -> F:
-    """As `compiled`, but called and not inlined: for what is long and called rarely, so that it is optimised once."""
+    """Like `compiled`, but not inlined: for long, rarely called functions, which are then optimised once."""
     return _later(function, [function], forceinline=False) if JIT else function
 
 
 class Later:
-    """A function that numba sees when it is first needed, so that modules load without numba; called as it would be.
+    """A function that is passed to numba on first use, so that modules load without numba; called in the same way.
 
-    ready: numba's own function, without the look-up of this one.  within: the same for compiled code, which Python
-    cannot call; what lets Python call functions takes a quarter of the time of compiling a vehicle.
+    ready: numba's own function, without the look-up in this class.  within: the same for use in compiled code, which
+    Python cannot call; the wrapper for Python takes a quarter of the time of compiling a vehicle.
     """
 
     def __init__(self, make: Callable[[bool], Any], function: Any):
-        """make: numba's function, given whether it is for compiled code."""
+        """make: returns numba's function, given whether it is for compiled code."""
         self._make = make
         self.py_func, self.__name__, self.__doc__ = function, function.__name__, function.__doc__
         self.__module__ = function.__module__
@@ -78,17 +78,17 @@ class Later:
 
 
 def ready(function: Any) -> Any:
-    """The fastest form of a compiled function to call again and again from Python."""
+    """The form of a compiled function that is fastest for repeated calls from Python."""
     return function.ready if isinstance(function, Later) else function
 
 
 @lru_cache
 def _numba() -> Any:
-    """numba, which then knows what a `Later` is, and tells record types apart."""
+    """numba, set up to accept `Later` functions and to tell record types apart."""
     numba: Any = import_module("numba")
     import_module("numba.extending").typeof_impl.register(Later)(lambda value, context: numba.typeof(value.within))
-    # Symbols of machine code name a record type by a number that each process counts for itself.  Code for one vehicle
-    # from one process and for another vehicle from another would share a symbol, and one of them be called for both.
+    # Symbols of machine code name a record type by a number that each process counts by itself.  Code for one vehicle
+    # from one process and for another vehicle from another could share a symbol, and one would be called for both.
     numba.types.Record.mangling_args = property(lambda record: ("Record", (_digest(record.name),)))
     return numba
 
@@ -102,7 +102,7 @@ def _later(function: Any, calls: Iterable[Any], **options: Any) -> Any:
 
 
 def _compiled(function: Any, calls: Iterable[Any], within: bool, **options: Any) -> Any:
-    """numba's function; within: see `Later`.  Each kind has a cache of its own, as numba takes them for the same."""
+    """numba's function; within: see `Later`.  Each kind has its own cache, as numba does not tell them apart."""
     numba = _numba()
     # numba reads the cache folder when a function is decorated, so other packages' functions keep theirs.
     before = numba.config.CACHE_DIR
@@ -114,8 +114,8 @@ def _compiled(function: Any, calls: Iterable[Any], within: bool, **options: Any)
         made = numba.njit(**settings)(function)
     finally:
         numba.config.CACHE_DIR = before
-    # Numbers alone would let two processes that compile for two signatures at once write to one file: an entry of the
-    # index would then lead to the other's code.
+    # With numbers alone, two processes that compile for two signatures at once would write to one file: an entry of the
+    # index would then point to the other's code.
     files = getattr(getattr(made, "_cache", None), "_cache_file", None)
     if files is not None:
         files._data_name = lambda number: f"{files._index_name.removesuffix('.nbi')}.{os.getpid()}-{number}.nbc"
@@ -125,17 +125,17 @@ def _compiled(function: Any, calls: Iterable[Any], within: bool, **options: Any)
 def bind(
     template: Callable[..., Any], name: str, *, inline: bool = True, parallel: bool = False, **meanings: Any
 ) -> Any:
-    """The template compiled with its open global names given meanings, e.g. `bind(rk4, "glider", derivative=f)`.
+    """The template compiled with values for its open global names, e.g. `bind(rk4, "glider", derivative=f)`.
 
-    One text serves every vehicle family, and each family's code is compiled when first called and found in the cache
-    at the next start (functions passed as arguments would be compiled anew by every process).
-    A meaning is a number, a function or a `namespace` of functions.  inline: see `outlined`.  parallel: the template's
+    One source serves every vehicle family, and each family's code is compiled when first called and cached for the next
+    start (functions passed as arguments would be compiled again by every process).
+    A value is a number, a function or a `namespace` of functions.  inline: see `outlined`.  parallel: the template's
     open name `prange` shares a loop among all cores; in plain Python it is `range`.
     """
     if parallel:
         meanings = {**meanings, "prange": _numba().prange if JIT else range}
     source: Any = getattr(template, "py_func", template)
-    known = name if len(name) <= _LONG else f"{name[:_LONG]}_{_digest(name)[:8]}"  # also by what files are called
+    known = name if len(name) <= _LONG else f"{name[:_LONG]}_{_digest(name)[:8]}"  # also the name of files
     bound_name = f"{source.__name__}_{known}"
     bound = types.FunctionType(source.__code__, {**source.__globals__, **meanings}, bound_name, source.__defaults__)
     bound.__qualname__ = bound_name
@@ -149,31 +149,31 @@ def bind(
 
 
 def namespace(functions: Any) -> Any:
-    """A dataclass's fields in the form in which `bind` takes them together: templates call `hooks.aim(...)`."""
-    found = types.ModuleType(type(functions).__name__)  # whose attributes numba knows as constants
+    """A dataclass's fields as one value for `bind`, so that templates call `hooks.aim(...)`."""
+    found = types.ModuleType(type(functions).__name__)  # numba treats its attributes as constants
     vars(found).update({field.name: getattr(functions, field.name) for field in fields(functions)})
     return found
 
 
 def for_vector(program: Any) -> Callable[[np.ndarray], Any]:
-    """A compiled program of one contiguous float64 vector, without the look-up of its argument's type at each call."""
+    """A compiled program of one contiguous float64 vector, without looking up its argument's type at each call."""
     if not JIT:
         return program
     types_: Any = import_module("numba.core.types")
-    return ready(program).compile((types_.float64[::1],))  # the cache would keep what a string says apart
+    return ready(program).compile((types_.float64[::1],))  # a signature given as a string would be cached separately
 
 
 def view_as(dtype: np.dtype, name: str, *, writable: bool = False) -> Any:
     """A compiled function from a flat float64 vector to the record at its start: `view(p).hull.mass`, no copy.
 
-    writable: what is assigned to the record's fields reaches the vector in plain Python too.
+    writable: whether assignments to the record's fields change the vector in plain Python, too.
     """
     size = dtype.itemsize // 8
     if not JIT and writable:
         return lambda vector: vector[:size].view(dtype)[0]
-    if not JIT:  # attribute access on a numpy record costs a microsecond, on a namespace a tenth of it
+    if not JIT:  # attribute access takes a microsecond on a numpy record, and a tenth of that on a namespace
         return lambda vector: _with_tail(_namespace(dtype, iter(vector[:size].tolist())), vector[size:])
-    layout = _digest(repr(dtype))[:8]  # two layouts of one name are two functions
+    layout = _digest(repr(dtype))[:8]  # two layouts with the same name are two functions
     return bind(_view, f"{name}_{layout}", RECORD=dtype, SIZE=size)
 
 
@@ -238,17 +238,17 @@ def _package_folder(function: Callable[..., Any]) -> Path:
 
 @lru_cache
 def _cache_folder(packages: frozenset[Path]) -> Path:
-    """The folder for code compiled from the sources in these packages; an edit anywhere in them opens a new one.
+    """The folder for code compiled from the sources in these packages; any edit in them starts a new one.
 
-    numba checks only the file of the function it loads, so it would keep a caller whose callee has changed.
+    numba checks only the file of the function that it loads, so it would keep a caller after a change of its callee.
     """
     digest = hashlib.sha256(sys.version.encode())
     for folder in sorted(packages | {Path(__file__).parent}):
         for path in sorted(folder.rglob("*.py")):
             text = path.read_bytes()
-            if path.stat().st_mtime > _STARTED:  # what was loaded may be older
+            if path.stat().st_mtime > _STARTED:  # the loaded source may be older
                 digest.update(f"{os.getpid()} {_STARTED}".encode())
-            # a view has the layout of its record built in: of a parameter tree, or of an environment's numbers
+            # a view depends on the layout of its record: that of a parameter tree, or of an environment's numbers
             if any(word in text for word in (b"compiled", b"param(", b"Layout(")):
                 digest.update(str(path.relative_to(folder)).encode() + b"\0" + text)
     roots = [os.environ.get("AUV_GYM_CACHE"), os.environ.get("XDG_CACHE_HOME"), os.path.expanduser("~/.cache")]
@@ -262,7 +262,7 @@ def _cache_folder(packages: frozenset[Path]) -> Path:
         if os.access(folder, os.W_OK):
             _forget_old_generations(folder.parent)
             return folder
-    # Not a fixed place that other users can write to: what lies in a cache is run.
+    # Not a fixed place that other users can write to: cached code is executed.
     folder = Path(tempfile.mkdtemp(prefix="auv-gym-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return folder

@@ -1,9 +1,9 @@
 """Every physical effect that a vehicle may have, each neutral by default.
 
-An effect at its neutral value is the identity, bit for bit, and shows at first order when it leaves it, so that
-switching, fitting or probing one changes numbers in the packed vector and nothing else. Only what sticks does not: it
-is sought by its size. The compiled functions that apply them are in `physics`. Probes are the smallest changes worth
-detecting in a log of ten minutes. Those of floats and of gliders that fly are in `vehicles.float_effects` and
+An effect at its neutral value is the identity, bit for bit, and acts at first order when it leaves it, so that
+switching, fitting or probing one changes only numbers in the packed vector.  Stiction is the exception: its size is
+searched for.  The compiled functions that apply the effects are in `physics`.  Probes are the smallest changes worth
+detecting in a log of ten minutes.  The effects of floats and of flying gliders are in `vehicles.float_effects` and
 `vehicles.glide_effects`.
 """
 
@@ -18,7 +18,7 @@ from auv_gym.param import param, part
 from auv_gym.physics.discovered import DiscoveredYaw
 from auv_gym.physics.polynomials import DiscoveredForce, DiscoveredMoment
 
-# What in a log sets an effect apart from others that look alike.
+# The data in a log that set an effect apart from similar ones.
 _SPEEDS = "a forward speed that varies"
 _TURNED = "a forward speed that varies: a rudder's moment changes with it, a constant one does not"
 _ROLLED = "a roll angle that varies, best moved on purpose"
@@ -30,8 +30,8 @@ _TRACK = "a track over headings all around the circle"
 _TILTED = "a known attitude at rest, and turns about one body axis at a time"
 _ANGLES = "small and large movements of the {} to both sides"
 _QUICK = "and sharp steps of the {}"
-# What can happen between a command and what it moves, whatever that is: neutral value, title, unit, bounds, and what
-# would set it apart. `U` stands for the unit of the command, and bounds in it are those of an angle or of a share, to
+# The effects between a command and any actuator: neutral value, title, unit, bounds, and the data that
+# would set it apart. `U` is the unit of the command, and bounds in it are those of an angle or of a share, to
 # be multiplied by a `span`.
 _ON_COMMANDS: Mapping[str, tuple[float, str, str, tuple[float, float], str]] = {
     "offset": (0.0, "{} offset", "U", (-0.5, 0.5), "a measured position of the {}, or commands that reach its stops"),
@@ -60,12 +60,12 @@ def effects_on_commands(
     titles: Mapping[str, str] | None = None,
     more: Mapping[str, Any] | None = None,
 ) -> type:
-    """A group of the effects that a kind of actuator can have; all kinds take these from here.
+    """A group of the effects of a kind of actuator; all kinds use this function.
 
-    probes: a small change that matters of each effect that there is, 0 for what no fit may free.  unit: of the
+    probes: for each effect to include, the smallest change that matters, 0 if no fit may free it.  unit: of the
     command, "1" for shares of its range.  span: of the bounds, over those of an angle.  slowest: largest slowness, s
-    per unit.  titles: in place of the usual ones.  more: further fields, made by `param`.  module: where pickle looks
-    for the class, by its name.
+    per unit.  titles: replace the usual ones.  more: further fields, made by `param`.  module: where pickle finds the
+    class by its name.
     Order of action: gain and offset, deadband, backlash, stiction, dead time, saturation, then lag and rate limit.
     """
     fields: list[tuple[str, type, Any]] = []
@@ -100,10 +100,10 @@ ActuatorEffects = effects_on_commands("ActuatorEffects", __name__, "rad", FIN_PR
 
 @dataclass(frozen=True)
 class ClockEffects:
-    """What a log's clocks do, of every vehicle: time passes in the vehicle and is written down by something else.
+    """Errors of a log's clocks, for every vehicle: the vehicle and its logger may keep different time.
 
-    rate: a second of the vehicle is 1 + rate seconds of the log.  delay: by which all readings are behind the commands,
-    in seconds of the log, as where commands are stamped when they are sent and readings when they arrive.
+    rate: a second of the vehicle is 1 + rate seconds of the log.  delay: lag of all readings behind the commands, in
+    seconds of the log, for example if commands are stamped when sent and readings when they arrive.
     """
 
     rate: float = param(
@@ -142,7 +142,7 @@ class YawEffects:
 
 @dataclass(frozen=True)
 class CompassEffects:
-    """Errors of the measured heading: lag of the needle's field, then constant bias."""
+    """Errors of the measured heading: lag, deviation and constant bias."""
 
     bias: float = param(0.0, "rad", "compass bias", bounds=(-pi, pi), probe=0.02, apart=_FIX)
     lag: float = param(0.0, "s", "compass lag (time constant)", bounds=(0.0, 60.0), probe=0.5, apart=_GYRO)
@@ -164,7 +164,7 @@ class CurrentEffects:
 
 @dataclass(frozen=True)
 class Sampling:
-    """What happens to a reading when it is sampled; no fit frees these, since they are drawn or in whole samples."""
+    """Sampling of a reading; no fit frees these parameters, since they are random or in whole samples."""
 
     delay: float = param(0.0, "s", "{} delay", bounds=(0.0, 20.0))
     noise: float = param(0.0, "channel's", "{} noise (standard deviation)", bounds=(0.0, 100.0))
@@ -174,7 +174,7 @@ class Sampling:
 
 @dataclass(frozen=True)
 class GliderTerms:
-    """Yaw moments that no named effect explains, found in data."""
+    """Yaw moments outside the named effects, found in data."""
 
     yaw: Any = part(DiscoveredYaw)
 
@@ -223,7 +223,7 @@ class WaveEffects:
 
 @dataclass(frozen=True)
 class WaterEffects:
-    """What the water is like."""
+    """Properties of the water."""
 
     density: float = param(0.0, "1", "relative excess of the water's density", bounds=(-0.2, 0.2), probe=0.003)
 
@@ -276,7 +276,7 @@ class HullEffects:
 
 @dataclass(frozen=True)
 class DiscoveredTerms:
-    """Force terms that no named effect explains, found in data; on top of the hull's own polynomials."""
+    """Force terms outside the named effects, found in data; in addition to the hull's own polynomials."""
 
     surge: Any = part(DiscoveredForce, "discovered surge")
     sway: Any = part(DiscoveredForce, "discovered sway")
@@ -305,9 +305,9 @@ class Inclinometer:
 
 @dataclass(frozen=True)
 class Mount:
-    """How the unit of gyros, compass and inclinometer sits in the vehicle: turned about the body axes, rad.
+    """Rotation of the unit of gyros, compass and inclinometer in the vehicle, about the body axes, rad.
 
-    All its readings turn with it, so that they agree with each other and disagree with the forces.
+    All its readings rotate together, so that they agree with each other and disagree with the forces.
     """
 
     roll: float = param(0.0, "rad", "IMU turned about the forward axis", bounds=(-pi, pi), probe=0.01, apart=_TILTED)
@@ -319,7 +319,7 @@ class Mount:
 
 @dataclass(frozen=True)
 class SupplyEffects:
-    """What the battery does to all thrusters together."""
+    """Effects of the battery on all thrusters together."""
 
     sag: float = param(
         0.0,
@@ -370,7 +370,7 @@ class SamplingEffects:
 
 @dataclass(frozen=True)
 class BodyEffects:
-    """The effects of every vehicle in six degrees of freedom, whatever its parts; each part brings its own."""
+    """The effects of every vehicle in six degrees of freedom, whatever its parts; each part adds its own."""
 
     current: FlowEffects = part(FlowEffects)
     waves: WaveEffects = part(WaveEffects)

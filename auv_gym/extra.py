@@ -1,4 +1,4 @@
-"""The error of a package that one of the extras would bring."""
+"""The error for a missing package that one of the extras installs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def needs(what: str, extra: str) -> Generator[None]:
-    """Imports in the block fail with an error that names the extra; what: `Training needs stable-baselines3`."""
+    """Raise an error that names the extra if an import in the block fails; what: `Training needs stable-baselines3`."""
     try:
         yield
     except ImportError as error:

@@ -1,4 +1,4 @@
-"""What a layer of the program knows of each kind of vehicle: one object a kind, found by the name of its module."""
+"""Registry of each layer's object for each kind of vehicle, found by the name of its module."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ Known = TypeVar("Known")
 
 
 class Kinds(Generic[Known]):
-    """The kinds of vehicle that a layer knows; a new one is a new module.
+    """The kinds of vehicle that a layer supports; a new one is a new module.
 
-    A module of the package has the name of a kind (`Family.kind`) and an object `KIND`. It is imported when a vehicle
-    of this kind is met, so that the others cost nothing.
+    A module of the package has the name of a kind (`Family.kind`) and an object `KIND`.  It is imported when a vehicle
+    of this kind is used, so that the others cost nothing.
     """
 
     def __init__(self, package: str, knows: str):
-        """package: that of the modules.  knows: how a refusal begins, such as "Controllers know"."""
+        """package: that of the modules.  knows: beginning of the error text, such as "Controllers know"."""
         self._package, self._knows = package, knows
 
     @cached_property
@@ -29,7 +29,7 @@ class Kinds(Generic[Known]):
         return tuple(sorted(m.name for m in iter_modules(import_module(self._package).__path__) if m.name[0] != "_"))
 
     def of(self, family: Family) -> Known:
-        """What the layer knows of a family's kind; raises ValueError where it knows nothing."""
+        """The layer's object for a family's kind; raises ValueError if there is none."""
         if family.kind not in self.names:
             raise ValueError(
                 f"{self._knows} vehicles of kind {', '.join(self.names)}, got family {family.name!r} of kind "

@@ -1,4 +1,4 @@
-"""What an env steps and what every fit returns: the Model protocol, optional ones beside it, free runs, prediction."""
+"""The Model protocol of envs and fits, optional protocols beside it, free runs and prediction."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ class Model(Protocol):
         ...
 
     def correct(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """The state after measuring y (NaN: not measured); what makes prediction differ from simulation."""
+        """The state after measuring y (NaN: not measured); this distinguishes prediction from simulation."""
         ...
 
 
 @runtime_checkable
 class Supplied(Protocol):
-    """A model that knows values of inputs which a record may lack."""
+    """A model with default values for inputs that a record may not have."""
 
     @property
     def constants(self) -> Mapping[str, float]: ...
@@ -58,7 +58,7 @@ class Supplied(Protocol):
 
 @runtime_checkable
 class Continuous(Protocol):
-    """A model of continuous time, which takes steps of any length."""
+    """A model in continuous time, which takes steps of any length."""
 
     def step_over(self, x: np.ndarray, u: np.ndarray, duration: float) -> np.ndarray:
         """The state `duration` s later; pure."""
@@ -67,7 +67,7 @@ class Continuous(Protocol):
 
 @runtime_checkable
 class Interpolating(Protocol):
-    """A model with inputs that a record samples, and does not hold: over an interval, their mean counts."""
+    """A model with inputs that a record samples and does not hold: it uses their mean over each interval."""
 
     @property
     def interpolated(self) -> tuple[str, ...]: ...
@@ -75,7 +75,7 @@ class Interpolating(Protocol):
 
 @runtime_checkable
 class Runner(Protocol):
-    """A model that makes whole free runs faster than step by step."""
+    """A model that computes whole free runs faster than step by step."""
 
     def run(self, record: Record, windows: Sequence[slice], starts: np.ndarray) -> np.ndarray:
         """Outputs over windows from these states, (W, n_states), one window after the other: (rows, n_outputs)."""
@@ -84,7 +84,7 @@ class Runner(Protocol):
 
 @runtime_checkable
 class Spread(Protocol):
-    """A model whose states have a scale of their own, beyond which a fitted start has no meaning."""
+    """A model whose states have a scale beyond which a fitted start is meaningless."""
 
     @property
     def start_spread(self) -> np.ndarray: ...
@@ -92,15 +92,15 @@ class Spread(Protocol):
 
 @runtime_checkable
 class Trained(Protocol):
-    """A model of data, which can say how far a record lies outside of them."""
+    """A model trained on data, which can say how far a record lies outside of them."""
 
     def outside(self, record: Record) -> float:
-        """The share of a record's samples that are outside of what the model was trained on."""
+        """The share of a record's samples that are outside of the training data."""
         ...
 
 
 def model_constant_inputs(model: Model) -> Mapping[str, float]:
-    """Values of inputs that the model knows by itself, by channel."""
+    """The model's default values of inputs, by channel."""
     return model.constants if isinstance(model, Supplied) else {}
 
 
@@ -127,17 +127,17 @@ class Diverged(RuntimeError):
 
 
 def inputs_of(model: Model, record: Record) -> np.ndarray:
-    """The record's inputs in the model's order, shape (n, n_inputs); channels a model has constants for may lack.
+    """The record's inputs in the model's order, shape (n, n_inputs); channels with a default value may be missing.
 
-    `elapsed_s` is that of `elapsed_over_gaps`, where the record does not say it.  Inputs that the model interpolates
-    are those in the middle of the interval that a row begins.
+    `elapsed_s` is that of `elapsed_over_gaps` if the record does not have it.  Interpolated inputs are taken at the
+    middle of the interval that a row begins.
     """
     constants = {name: np.full(record.time.size, value) for name, value in model_constant_inputs(model).items()}
     if "elapsed_s" in constants:
         constants["elapsed_s"] = elapsed_over_gaps(record)
     columns = [record[name] if record.has(name) or name not in constants else constants[name] for name in model.inputs]
     if isinstance(model, Interpolating) and model.interpolated:
-        within = np.ones(max(record.time.size - 1, 0), dtype=bool)  # not from one segment to the next
+        within = np.ones(max(record.time.size - 1, 0), dtype=bool)  # not across segments
         within[[s.start - 1 for s in record.segments if s.start]] = False
         for k, name in enumerate(model.inputs):
             if name in model.interpolated:
@@ -146,9 +146,9 @@ def inputs_of(model: Model, record: Record) -> np.ndarray:
 
 
 def elapsed_over_gaps(record: Record) -> np.ndarray:
-    """Time since the log or dive of each sample began, s, shape (n,); what grows with time goes on over a gap in it.
+    """Time since each sample's log or dive began, s, shape (n,); it continues over gaps within.
 
-    Segments in a row that have the same label are one log or dive, unless time goes back between them.
+    Consecutive segments with the same label are one log or dive, unless time goes back between them.
     """
     time, labels, begun = record.time, record.labels, np.empty(len(record))
     origin = 0.0
@@ -161,7 +161,7 @@ def elapsed_over_gaps(record: Record) -> np.ndarray:
 
 
 def outputs_of(model: Model, record: Record) -> np.ndarray:
-    """The record's outputs in the model's order, shape (n, n_outputs), NaN where a channel was not measured."""
+    """The record's outputs in the model's order, shape (n, n_outputs), NaN if a channel was not measured."""
     missing = np.full(record.time.size, np.nan)
     return np.stack([record[name] if record.has(name) else missing for name in model.outputs], axis=1)
 
@@ -207,8 +207,8 @@ def run_free(model: Model, record: Record, windows: Sequence[slice], starts: np.
 def predict(model: Model, record: Record, horizon: int = 1, starts: np.ndarray | None = None) -> Record:
     """Predict `horizon` samples ahead, each time by a free run from the state corrected with all earlier measurements.
 
-    The first `horizon` samples of a segment run free from its start: starts, (segments, n_states), by default those of
-    `initial`, which corrections may take long to mend. Raises as `simulate` does.
+    The first `horizon` samples of a segment are a free run from its start: starts, (segments, n_states), by default
+    those of `initial`, which corrections may take long to improve. Raises as `simulate` does.
 
     Example:
 
@@ -246,12 +246,12 @@ def predict(model: Model, record: Record, horizon: int = 1, starts: np.ndarray |
 
 
 def stepper(model: Model) -> Callable[[np.ndarray, np.ndarray, float], np.ndarray]:
-    """The step of a model over a sample of some seconds, which is its own sample where it knows no other."""
+    """The step of a model over a duration in seconds; a discrete model always steps by its own sample."""
     return model.step_over if isinstance(model, Continuous) else lambda x, u, _: model.step(x, u)
 
 
 def check_interval(model: Model, times: np.ndarray) -> None:
-    """Raises if a model in discrete time cannot be used at these times, s."""
+    """Raise if a model in discrete time does not fit these times, s."""
     intervals = np.diff(times)
     if intervals.size and np.max(np.abs(intervals - model.dt)) > 1e-3 * model.dt:
         raise ValueError(
@@ -261,7 +261,7 @@ def check_interval(model: Model, times: np.ndarray) -> None:
 
 
 def check_finite(outputs: tuple[str, ...], times: np.ndarray, y: np.ndarray) -> None:
-    """Raises Diverged at the first value of y, shape (n, n_outputs), that is not finite."""
+    """Raise Diverged at the first value of y, shape (n, n_outputs), that is not finite."""
     bad = ~np.isfinite(y)
     if bad.any():
         row = int(np.argmax(bad.any(axis=1)))

@@ -1,8 +1,8 @@
-"""Parameters declared once, with unit, bounds and probe, and the paths that read, replace and list them.
+"""Parameters declared once, with unit, bounds and probe, and the paths to read, replace and list them.
 
-A parameter tree is frozen dataclasses of `param` fields, the leaves, and groups of them. A path names a leaf from the
-root, such as `effects.rudder.offset`. An object that keeps its tree in a field `parameters` (a Plant) takes the same
-paths.
+A parameter tree consists of frozen dataclasses with `param` fields, the leaves, and groups of them.  A path names a
+leaf from the root, such as `effects.rudder.offset`.  An object that keeps its tree in a field `parameters` (a Plant)
+accepts the same paths.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _LISTED_AT_ONCE = 60
 
 
 class Spec(NamedTuple):
-    """What is known of a parameter besides its value; `neutral` is the declared default."""
+    """The declaration of a parameter; `neutral` is the declared default."""
 
     unit: str
     title: str
@@ -42,15 +42,15 @@ def param(
 ) -> Any:
     """A dataclass field that holds a float parameter.
 
-    title: words for a report.  bounds: the values that make physical sense.  probe: a small change that matters, by
-    which a fit takes its steps; 0 for a parameter that no fit may free.  apart: of an effect, what in a log would set
-    it apart from others that look alike.
+    title: for reports.  bounds: the physically meaningful values.  probe: a small change that matters, the step of
+    fits; 0 for a parameter that no fit may free.  apart: for an effect, the data that would set it apart from similar
+    ones.
     """
     return dataclasses.field(default=default, metadata={"spec": Spec(unit, title, default, bounds, probe, apart)})
 
 
 def part(group: type, subject: str = "") -> Any:
-    """A dataclass field that holds a group of parameters; `{}` in their titles stands for the subject."""
+    """A dataclass field that holds a group of parameters; `{}` in their titles is replaced by the subject."""
     return dataclasses.field(default_factory=group, metadata={"group": group, "subject": subject})
 
 
@@ -130,7 +130,7 @@ def check_value(path: str, value: Any, spec: Spec) -> float:
 
 
 def in_unit(unit: str, word: str = " in") -> str:
-    """A unit as it stands behind a word in an error: ` in rad`; nothing for a number without unit."""
+    """A unit as it follows a word in an error: ` in rad`; empty for a number without unit."""
     return "" if unit == "1" else f"{word} {unit}"
 
 
@@ -146,9 +146,9 @@ def positions(tree: Any) -> dict[str, int]:
 
 
 def record_type(tree_type: Any) -> np.dtype:
-    """The record dtype of a parameter tree, nested as its dataclasses are; every leaf is a float64.
+    """The record dtype of a parameter tree, nested like its dataclasses; every leaf is a float64.
 
-    A group whose class says `as_array = True` becomes one array field in the order of its leaves.
+    A group whose class has `as_array = True` becomes one array field in the order of its leaves.
     """
     if getattr(tree_type, "as_array", False):
         return np.dtype((np.float64, (len(_specs(tree_type)),)))
@@ -160,7 +160,7 @@ def record_type(tree_type: Any) -> np.dtype:
 
 
 def did_you_mean(word: str, known: Any) -> str:
-    """`Did you mean 'slocum'? ` or nothing, to put into an error text."""
+    """`Did you mean 'slocum'? ` for an error text, or an empty string."""
     close = difflib.get_close_matches(word, list(known), n=3, cutoff=0.6)
     return f"Did you mean {' or '.join(repr(c) for c in close)}? " if close else ""
 
@@ -211,7 +211,7 @@ def _unknown_path(path: str, known: Any) -> ValueError:
     group = path.rpartition(".")[0]
     while group and not any(name.startswith(f"{group}.") for name in known):
         group = group.rpartition(".")[0]
-    # the neighbours of what was meant, or the groups: a six-degree-of-freedom vehicle has hundreds of parameters
+    # list the neighbours of the path, or the groups: a six-degree-of-freedom vehicle has hundreds of parameters
     near = [name for name in known if name.startswith(f"{group}.")] if group else list(known)
     if len(near) > _LISTED_AT_ONCE:
         depth = group.count(".") + 2 if group else 2

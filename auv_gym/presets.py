@@ -1,4 +1,4 @@
-"""The vehicle files that there are, their heads and their text, without the physics, which takes long to load."""
+"""The available vehicle files, their headings and their text, without the physics, which takes long to load."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from auv_gym.param import did_you_mean
 
 @dataclass(frozen=True)
 class Heading:
-    """What a vehicle file says of itself; dt: s."""
+    """The heading of a vehicle file; dt: s."""
 
     family: str
     title: str
@@ -22,7 +22,7 @@ class Heading:
 
 
 def list_preset_headings() -> dict[str, Heading]:
-    """Those of the presets by name."""
+    """The headings of the presets by name."""
     found = {}
     for name, path in _presets().items():
         content = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -31,7 +31,7 @@ def list_preset_headings() -> dict[str, Heading]:
 
 
 def find_vehicle(name: str | os.PathLike) -> tuple[str, str]:
-    """The text of a preset or a vehicle file (TOML), and what to call it in an error; raises ValueError without any."""
+    """The text of a preset or a vehicle file (TOML), and its name for errors; raises ValueError if there is none."""
     presets = _presets()
     text = os.fspath(name)
     if text in presets:

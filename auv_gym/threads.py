@@ -1,4 +1,4 @@
-"""What several threads do at once: compiled code lets go of Python's lock."""
+"""Parallel work in several threads: compiled code releases Python's lock."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ T = TypeVar("T")
 
 
 def side_by_side(run: Callable[[T], S], items: Sequence[T]) -> list[S]:
-    """What `run` makes of each item, in their order, as many at once as there are threads."""
+    """The result of `run` for each item, in their order, run in parallel in as many threads as there are."""
     if len(items) < 2 or threads() == 1:
         return [run(item) for item in items]
     with ThreadPoolExecutor(threads()) as pool:

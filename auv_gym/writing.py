@@ -1,6 +1,6 @@
-"""Writing a file whole or not at all: aside first, then renamed over the one that stood there; and where that works.
+"""Writing of files as a whole or not at all, by a temporary file that is renamed; and folders to write to.
 
-Folders are made early, so that one that cannot be written is refused before the work.
+Folders are made early, so that an unwritable one is refused before the work.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ _made: list[Path] = []  # the folders that `writable_folder` made in this proces
 
 @contextmanager
 def replacing(path: str | os.PathLike) -> Generator[Path]:
-    """A new empty file beside `path`, to be written in the block; it takes that name when the block ends well.
+    """A new empty file beside `path`, to be written in the block; it is renamed to `path` when the block ends normally.
 
-    Where the block raises, what stood at `path` stays as it was and nothing is left beside it. Raises ValueError where
-    the system refuses to write.  Use: `with replacing(path) as new: new.write_text(text, encoding="utf-8")`.
+    If the block raises, the old file stays and the new one is removed. Raises ValueError if the system refuses to
+    write.  Use: `with replacing(path) as new: new.write_text(text, encoding="utf-8")`.
     """
     target = Path(path)
-    # a name of its own for each writer: two processes that write the same file each put a whole one there
+    # a unique name for each writer, so that of two processes each writes a whole file
     aside = target.with_name(f".{target.name}.{secrets.token_hex(6)}.part")
     try:
         aside.open("x").close()
@@ -52,7 +52,7 @@ def write_json(path: str | os.PathLike, content: Any) -> None:
 
 
 def finite(content: Any) -> Any:
-    """Plain data without numbers that JSON does not have: None in their place."""
+    """Plain data with None in place of numbers that JSON does not have."""
     if isinstance(content, Mapping):
         return {key: finite(value) for key, value in content.items()}
     if isinstance(content, list | tuple):
@@ -80,11 +80,11 @@ def writable_folder(folder: str | os.PathLike) -> Path:
 
 @contextmanager
 def no_empty_folders() -> Generator[None]:
-    """However the block ends, remove the folders that `writable_folder` made in it and that are empty."""
+    """When the block ends, remove the folders that `writable_folder` made in it and that are empty."""
     _made.clear()
     try:
         yield
     finally:
         while _made:
-            with suppress(OSError):  # there is something in it, or it was never made
+            with suppress(OSError):  # the folder is not empty, or was never made
                 _made.pop().rmdir()
