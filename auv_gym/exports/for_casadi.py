@@ -19,7 +19,7 @@ from auv_gym.plant import Plant
 from auv_gym.plant.cruise import resting_commands
 from auv_gym.writing import write_json
 
-_POSITION = " position"  # after the name of an actuator: the state of one that has a lag
+_POSITION = " position"  # suffix of an actuator's name: its state, if it has a lag
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class CasadiModel:
 
     states: of x, those of the family in SI units and radians, then the position of each actuator that has a lag.
     inputs: of u, in the units of their channels.
-    defaults: of each input, in the order of u: a command at rest, or the value where a log does not have the input.
+    defaults: of each input, in the order of u: a command at rest, or the value used if a log does not have the input.
     """
 
     rhs: ca.Function
@@ -38,11 +38,11 @@ class CasadiModel:
 
     @property
     def units(self) -> dict[str, str]:
-        """The unit of each state and input; 1 of a share."""
+        """The unit of each state and input; 1 for a share."""
         return {name: channel(name.removesuffix(_POSITION)).unit for name in (*self.states, *self.inputs)}
 
     def save(self, file: Path) -> None:
-        """Write the function, which `casadi.Function.load` reads, and beside it as JSON what x and u are."""
+        """Write the function, for `casadi.Function.load`, and beside it a JSON file that describes x and u."""
         self.rhs.save(str(file))
         told = {"states": self.states, "inputs": self.inputs, "units": self.units, "defaults": dict(self.defaults)}
         write_json(file.with_name(f"{file.name}.json"), told)
@@ -51,8 +51,8 @@ class CasadiModel:
 def casadi_model(plant: Plant) -> CasadiModel:
     """A vehicle's continuous-time equations of motion, with its effects, as a CasADi function of states and inputs.
 
-    Commands are limited as the vehicle limits them. Sensors have no part in it. Raises ValueError on what has no
-    right-hand side of such a form: dead times, backlash, stiction, a rate limit without a lag, moving masses.
+    Commands are limited as the vehicle limits them.  Sensors are not included.  Raises ValueError for effects without
+    such a right-hand side: dead times, backlash, stiction, a rate limit without a lag, moving masses.
 
     Example:
 

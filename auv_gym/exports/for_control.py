@@ -25,8 +25,8 @@ def control_system(
 ) -> Any:
     """A vehicle linearised at steady motion, as a `control.StateSpace` with named states, inputs and outputs.
 
-    All of them are changes from the trim.  continuous: the system in continuous time whose response to held inputs is
-    that of the sampled one.  inputs, outputs, settings: see `auv_gym.models.linear.linearise`.
+    All of them are deviations from the trim.  continuous: return the continuous-time system whose response to held
+    inputs equals that of the sampled one.  inputs, outputs, settings: see `auv_gym.models.linear.linearise`.
 
     Example:
 

@@ -1,7 +1,7 @@
 """A vehicle in six degrees of freedom as an SDF world for Gazebo, with the plugins that move it.
 
-SDF axes are forward, port, up. Gazebo's physics holds M_RB and, from `fluid_added_mass`, M_A with its Coriolis forces;
-its Hydrodynamics plugin adds coefficients times products of two velocities, which is the form of our polynomials.
+SDF axes are forward, port, up.  Gazebo's physics includes M_RB and, from `fluid_added_mass`, M_A with its Coriolis
+forces; its Hydrodynamics plugin adds coefficients times products of two velocities, the form of our polynomials.
 Sources: gz-sim, systems hydrodynamics, thruster, lift_drag, buoyancy, buoyancy_engine; SDFormat 1.11.
 """
 
@@ -28,9 +28,9 @@ from auv_gym.writing import write_text
 SIGNS = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 _AXES, _VELOCITIES = "xyzkmn", "uvwpqr"
 _MASS_NAMES = "xyzpqr"
-_SMALL = 1e-3  # kg, of a link that only carries a fin or a propeller
-_AT_ONCE = 1e3  # m^3/s, of a buoyancy engine without a rate limit
-# Effects that are in the numbers of the hull, and so in the file.
+_SMALL = 1e-3  # kg, mass of a link that only carries a fin or a propeller
+_AT_ONCE = 1e3  # m^3/s, rate of a buoyancy engine without a rate limit
+# Effects that are included in the hull's coefficients, and so in the file.
 _IN_THE_HULL = ("effects.hull.", "effects.load.payload", "effects.load.net_buoyancy", "effects.load.x_g")
 _IN_THE_HULL += ("effects.load.y_g", "effects.load.z_g", "effects.water.density", "effects.discovered.")
 # Words for parameters that no plugin has.
@@ -112,7 +112,7 @@ def _add(parent: Any, tag: str, text: Any = None, **attributes: str) -> Any:
 
 
 def _plugin(parent: Any, system: str, **settings: Any) -> Any:
-    """A system of Gazebo; settings: its elements."""
+    """A plugin of Gazebo; settings: its elements."""
     name = "".join(word.capitalize() for word in system.split("-"))
     plugin = _add(parent, "plugin", filename=f"gz-sim-{system}-system", name=f"gz::sim::systems::{name}")
     for tag, value in settings.items():
@@ -163,13 +163,13 @@ def _base_link(model: Any, plant: Plant, p: Any, water: float) -> list[str]:
 
 
 def _hydrodynamics(model: Any, plant: Plant, p: Any, water: float) -> list[str]:
-    """The Hydrodynamics plugin with all coefficients, among them those of what Gazebo would add or leave out."""
+    """The Hydrodynamics plugin with all coefficients, corrected for what Gazebo adds or leaves out."""
     computed, left_out = p.computed, []
     terms = [*TERMS, *(f"{v}|u|" for v in _VELOCITIES[1:])]
     found: dict[str, float] = {}
 
     def count(axis: int, term: str, value: float) -> None:
-        """Adds a coefficient of our axes: `uv` of a product, `v|u|` and `v_v` with the size of the second."""
+        """Add a coefficient in our axes: `uv` for a product, `v|u|` and `v_v` with the magnitude of the second."""
         first, second, sized = term[0], term[-1] if len(term) == 2 else "", "_" in term or "|" in term
         if sized:
             second = term.strip("|")[-1]
@@ -213,7 +213,7 @@ def _hydrodynamics(model: Any, plant: Plant, p: Any, water: float) -> list[str]:
 
 
 def _jointed(model: Any, name: str, pose: str, axis: str, limit: float | None) -> None:
-    """A small link on a joint to the hull that turns about an axis; limit: rad, none for one that goes round."""
+    """A small link on a joint to the hull that turns about an axis; limit: rad, None for free rotation."""
     _carrier(model, name, pose)
     joint = _add(model, "joint", name=f"{name}_joint", type="revolute")
     _add(joint, "parent", "base_link")
@@ -236,7 +236,7 @@ def _carrier(model: Any, name: str, pose: str) -> None:
 
 
 def _surface(model: Any, part: Any, own: Any, hull: Any, water: float) -> list[str]:
-    """A control surface: its lift where the lever of its moment says that it acts."""
+    """A control surface, with its lift at the position given by its moment over its lift."""
     if own.lift == 0.0:
         return ["all of it, since a moment without a lift has no place where LiftDrag could act"]
     yaw = part.choice == "yaw"
@@ -284,7 +284,7 @@ def _steered(
     slope: float,
     up: str,
 ) -> None:
-    """A fin on a joint, whose position is our angle, and a LiftDrag that acts on the hull where the fin sits."""
+    """A fin on a joint, whose position is our angle, and a LiftDrag that acts on the hull at the fin's position."""
     _jointed(model, name, _place(*place), "0 0 -1" if yaw else "0 -1 0", float(own.limit))
     lift = {"air_density": water, "area": float(area), "a0": 0.0, "cla": float(cla), "alpha_stall": float(own.stall)}
     none = dict.fromkeys(("cda", "cma", "cla_stall", "cda_stall"), 0.0)
@@ -295,7 +295,7 @@ def _steered(
 
 
 def _propeller(model: Any, part: Any, own: Any, hull: Any, water: float) -> list[str]:
-    """A propeller at the stern; of shaft speed n it holds T = t_nn n|n| + t_nu |n| u, else the largest thrust."""
+    """A propeller at the stern; for shaft speed n, with T = t_nn n|n| + t_nu |n| u, else with its largest thrust."""
     _jointed(model, part.name, _place(-0.5 * hull.length, 0.0, 0.0), "1 0 0", None)
     common = {"joint_name": f"{part.name}_joint", "fluid_density": water, "velocity_control": True}
     lost = []
@@ -317,7 +317,7 @@ def _propeller(model: Any, part: Any, own: Any, hull: Any, water: float) -> list
 
 
 def _thruster(model: Any, part: Any, own: Any, hull: Any, water: float) -> list[str]:
-    """A thruster along its direction, which Gazebo gives a thrust in N between those at its largest commands."""
+    """A thruster along its direction, commanded in N between its thrusts at the largest commands."""
     way = np.array([own.to_x, -own.to_y, -own.to_z])
     way /= np.linalg.norm(way)
     _jointed(model, part.name, _place(own.x, own.y, own.z), " ".join(map(repr, way.tolist())), None)
@@ -332,7 +332,7 @@ def _thruster(model: Any, part: Any, own: Any, hull: Any, water: float) -> list[
 
 
 def _engine(model: Any, part: Any, own: Any, hull: Any, water: float) -> list[str]:
-    """A buoyancy engine on a link of its own, where it acts."""
+    """A buoyancy engine on a link of its own, at its position."""
     _carrier(model, part.name, _place(own.x, own.y, own.z))
     joint = _add(model, "joint", name=f"{part.name}_joint", type="fixed")
     _add(joint, "parent", "base_link")
@@ -347,12 +347,12 @@ def _engine(model: Any, part: Any, own: Any, hull: Any, water: float) -> list[st
 
 
 def _slow(own: Any) -> list[str]:
-    """What no plugin has of an actuator."""
+    """The properties of an actuator that no plugin has."""
     return [*([f"actuator lag ({own.lag:g} s)"] if own.lag else []), *_set(own, {"slowness": "actuator rate limit"})]
 
 
 def _set(own: Any, words: Mapping[str, str]) -> list[str]:
-    """Words for those parameters of a part that are not 0, with name, value and unit."""
+    """Descriptions of those parameters of a part that are not 0, with name, value and unit."""
     found = []
     for name, text in words.items():
         value, unit = value_at(own, name), spec_at(own, name).unit

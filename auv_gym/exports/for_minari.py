@@ -25,7 +25,7 @@ def check_dataset_name(dataset_id: str) -> None:
     """Raise ValueError if Minari cannot take this name, or has a data set of it."""
     try:
         namespace, name, version = parse_dataset_id(dataset_id)
-    except (TypeError, ValueError):  # it counts on a version that its pattern does not ask for
+    except (TypeError, ValueError):  # Minari requires a version that its pattern leaves optional
         raise ValueError(
             f"A Minari data set needs a name that ends in its version, such as slocum/dives-v0, got {dataset_id!r}: "
             "use letters, digits, - and _, and at least two of them before a /."
@@ -40,7 +40,7 @@ def check_dataset_name(dataset_id: str) -> None:
 
 
 def _created(dataset_id: str, episodes: list[EpisodeBuffer], **about: Any) -> Any:
-    """The data set, written whole or not at all; its name has been checked."""
+    """The data set, written as a whole or not at all; its name has been checked."""
     try:
         return minari.create_dataset_from_buffers(dataset_id, episodes, **about)
     except BaseException:
@@ -51,10 +51,10 @@ def _created(dataset_id: str, episodes: list[EpisodeBuffer], **about: Any) -> An
 def dataset_of_records(dataset_id: str, records: Record | Sequence[Record], plant: Plant, **about: Any) -> Any:
     """A Minari data set made from logs, with one episode per segment.
 
-    Observations are the vehicle's outputs that every record has at all samples. Actions are the vehicle's inputs at
-    these samples; an input that no log needs to have is constant where one lacks it. A log has no rewards, so they are
-    0. The infos hold `time_s`.  dataset_id: such as "slocum/dives-v0".  about: what else Minari takes, such as author.
-    Raises ValueError where an input is missing, or where Minari cannot take the name.
+    Observations are the vehicle's outputs that every record has at all samples.  Actions are the vehicle's inputs at
+    these samples; an optional input is constant if a log does not have it.  A log has no rewards, so they are 0.  The
+    infos hold `time_s`.  dataset_id: such as "slocum/dives-v0".  about: further arguments of Minari, such as author.
+    Raises ValueError if an input is missing, or if Minari does not accept the name.
 
     Example:
 
@@ -129,7 +129,7 @@ def dataset_of_rollouts(dataset_id: str, env: gymnasium.Env, agent: Agent, seeds
 
 
 class _Recorder(gymnasium.Wrapper):
-    """An environment that keeps what happens in it, episode by episode."""
+    """An environment that records its episodes."""
 
     def __init__(self, env: gymnasium.Env):
         super().__init__(env)

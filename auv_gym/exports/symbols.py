@@ -1,8 +1,8 @@
-"""Physics on symbols of CasADi: the same source, run once with symbols in the place of numbers.
+"""Physics on symbols of CasADi: the same source, run once with symbols instead of numbers.
 
-`on_symbols` rebuilds a function, and those that it calls, on CasADi's mathematics. Where the source has a branch that
-depends on a symbol, both branches are run and joined by `casadi.if_else`, one function at a time, so that the branches
-of one function do not multiply with those of the next.
+`on_symbols` rebuilds a function, and those that it calls, on CasADi's mathematics.  If a branch in the source depends
+on a symbol, both branches are run and joined by `casadi.if_else`, one function at a time, so that the branches of one
+function do not multiply with those of the next.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ with needs("A CasADi function needs casadi", "casadi"):
     import casadi as ca
 
 
-# Added under a root: its slope at 0 is then finite, and its value is off by at most 1e-15.
+# Added under a root, which makes its slope at 0 finite and changes its value by at most 1e-15.
 _UNDER_ROOTS = 1e-30
-_MOST_CONDITIONS = 8  # in one run of one function; each doubles what is run
+_MOST_CONDITIONS = 8  # in one run of one function; each doubles the number of runs
 
 
 class Symbol:
@@ -51,7 +51,7 @@ class Symbol:
         return Symbol(ca.fabs(self.value))
 
     def __array_ufunc__(self, ufunc: Any, method: str, *numbers: Any, **_: Any) -> Any:
-        """What numpy's numbers ask for when they meet a symbol, and numpy's own functions of one."""
+        """Apply numpy functions, and arithmetic of numpy numbers with a symbol."""
         return _of_numpy(ufunc)(*(n if isinstance(n, Symbol) else float(n) for n in numbers))
 
 
@@ -60,7 +60,7 @@ def _plain(number: Any) -> Any:
 
 
 def _of(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function of CasADi as one of symbols; of numbers alone it gives a symbol that is constant."""
+    """A function of CasADi as a function of symbols; numbers alone give a constant symbol."""
     return lambda *numbers: Symbol(function(*map(_plain, numbers)))
 
 
@@ -74,7 +74,7 @@ for _name in ("lt", "le", "gt", "ge", "eq", "ne"):
 
 
 def _or_plain(plain: Callable[..., Any], symbolic: Callable[..., Any]) -> Callable[..., Any]:
-    """The plain function where no argument is a symbol."""
+    """The plain function if no argument is a symbol, else the symbolic one."""
 
     def function(*numbers: Any) -> Any:
         return symbolic(*numbers) if any(isinstance(n, Symbol) for n in numbers) else plain(*numbers)
@@ -106,7 +106,7 @@ _MATHEMATICS: dict[Any, Any] = {
         + ("floor", "ceil", "expm1", "log1p", "hypot", "copysign")
     },
 }
-# numpy's names of what it has under another one than Python
+# numpy functions whose names differ from Python's
 _NUMPY_NAMES = {
     "subtract": "sub",
     "multiply": "mul",
@@ -165,7 +165,7 @@ _branches: list[_Branch] = []
 
 
 def _joined(condition: Any, yes: Any, no: Any) -> Any:
-    """What is `yes` where the condition holds: numbers, tuples of them, or arrays."""
+    """The value `yes` if the condition holds, else `no`: numbers, tuples of them, or arrays."""
     if yes is no or (isinstance(yes, float) and yes == no):
         return yes
     if isinstance(yes, np.ndarray):
@@ -177,7 +177,7 @@ def _joined(condition: Any, yes: Any, no: Any) -> Any:
 
 
 def _branching(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function with both branches of every condition, and with what both write into its arrays."""
+    """The function with both branches of every condition, also for values written into its arrays."""
 
     def call(*arguments: Any) -> Any:
         arrays = [a for a in arguments if isinstance(a, np.ndarray) and a.dtype == object]
@@ -203,11 +203,11 @@ def _branching(function: Callable[..., Any]) -> Callable[..., Any]:
     return call
 
 
-_rebuilt: dict[int, tuple[Any, Callable[..., Any]]] = {}  # by identity, with what keeps the identity from being reused
+_rebuilt: dict[int, tuple[Any, Callable[..., Any]]] = {}  # by id; keeping the function prevents reuse of its id
 
 
 def on_symbols(function: Any) -> Callable[..., Any]:
-    """A function of the physics as one of `Symbol`s and arrays of them (dtype object)."""
+    """A function of the physics as a function of `Symbol`s and arrays of them (dtype object)."""
     if id(function) in _rebuilt:
         return _rebuilt[id(function)][1]
     source = getattr(function, "py_func", function)
@@ -218,7 +218,7 @@ def on_symbols(function: Any) -> Callable[..., Any]:
         value = space.get(name)
         try:
             known = value in _MATHEMATICS
-        except TypeError:  # what cannot be hashed is no function
+        except TypeError:  # unhashable objects are not functions
             continue
         if known:
             space[name] = _MATHEMATICS[value]
@@ -228,7 +228,7 @@ def on_symbols(function: Any) -> Callable[..., Any]:
 
 
 class _Table(np.ndarray):
-    """Numbers of which a symbol may choose one."""
+    """Numbers that may be indexed by a symbol."""
 
     def __getitem__(self, key: Any) -> Any:
         if not isinstance(key, Symbol):
@@ -238,7 +238,7 @@ class _Table(np.ndarray):
 
 
 class Numbers:
-    """A record of numbers as the physics sees it, whose tables a symbol may index."""
+    """A record of numbers in the form of the physics, whose tables may be indexed by a symbol."""
 
     def __init__(self, record: Any):
         self._record = record
