@@ -11,7 +11,7 @@ from auv_gym.rendering.window import Window
 
 
 class Camera:
-    """Follows a view, which has `follow(begin)` and `scene()`, and draws it; window: the title of one to show it in."""
+    """Draws a view, which has `follow(begin)` and `scene()`; window: the title of a window to show it in."""
 
     def __init__(self, view: Any, window: str = ""):
         self._renderer = Renderer()
@@ -19,7 +19,7 @@ class Camera:
         self._view = view
 
     def follow(self, begin: bool = False) -> None:
-        """Take the present moment into the track, of a new episode if it begins; show it where there is a window."""
+        """Add the present moment to the track, a new one with `begin`; show it if there is a window."""
         self._view.follow(begin)
         if self._window is not None:
             self._window.show(self.picture())
@@ -29,7 +29,7 @@ class Camera:
         return self._renderer.draw(self._view.scene())
 
     def close(self) -> None:
-        """Close the window and free the paper."""
+        """Close the window and free the drawing surface."""
         self._renderer.close()
         if self._window is not None:
             self._window.close()

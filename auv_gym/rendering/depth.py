@@ -1,4 +1,4 @@
-"""The depth strip: depth over time, positive down, with the depth asked for."""
+"""The depth strip: depth over time, positive down, with the target depth."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from auv_gym.rendering.sheet import DASHED, INK, LINE, MODEL, PANEL, PAPER, TARG
 _LEAST_SPAN = 2.0  # m of depth
 _LEAST_TIME = 10.0  # s
 _NEAR = 50.0  # m; a target no further from the track is always in view
-_FAR = 8.0  # times the track's own span, beyond which a target further away is left out
-_AIR = 0.05  # of the strip's height, above the surface
+_FAR = 8.0  # times the track's own span; a target further away is left out
+_AIR = 0.05  # share of the strip's height above the surface
 _MINUTES = 1200.0  # s; a longer strip counts in minutes
 
 
 class Strip(NamedTuple):
-    """Where times and depths fall on a panel, with the steps of the ticks; the unit of time has so many seconds."""
+    """Position of times and depths on a panel, with the steps of the ticks; seconds: length of the unit of time."""
 
     box: Box
     first: float
@@ -38,11 +38,11 @@ class Strip(NamedTuple):
         return np.column_stack([x, self.y(depths)])
 
     def y(self, depth):
-        """Pixels down the panel."""
+        """Pixels from the top of the panel."""
         return self.box.top + (depth - self.top) / (self.bottom - self.top) * self.box.height
 
     def draw_axes(self, sheet: Sheet) -> None:
-        """Draw the panel's ground, its grid and the numbers beside it."""
+        """Draw the panel's background, its grid and the numbers beside it."""
         times = ticks(self.first, self.last, self.pace)
         depths = ticks(min(self.top, self.bottom), max(self.top, self.bottom), self.step)
         names = [tick_text(time / self.seconds, self.pace / self.seconds) for time in times]
@@ -51,7 +51,7 @@ class Strip(NamedTuple):
         draw_axes(sheet, self.box, across, down, "time, s" if self.seconds == 1.0 else "time, min")
 
     def draw_surface(self, sheet: Sheet, box: Box) -> None:
-        """Draw the air and the water's surface across a box as high as the panel, where they are in view."""
+        """Draw the air and the water surface across a box as high as the panel, if they are in view."""
         if self.top < 0.0:
             surface = self.y(0.0)
             sheet.box(Box(box.left, box.top, box.right, surface), PAPER)
@@ -89,7 +89,7 @@ def _lines(sheet: Sheet, scene: Scene, strip: Strip) -> None:
 
 
 def time_axis(time: np.ndarray) -> tuple[float, float, float, float]:
-    """First and last time of a strip, the step of its ticks, and the unit they are counted in, s."""
+    """First and last time of a strip, the step of its ticks, and its unit of time in s."""
     start, end = (float(time[0]), float(time[-1])) if len(time) else (0.0, 0.0)
     seconds = 60.0 if end - start > _MINUTES else 1.0
     end = max(end, start + _LEAST_TIME)
@@ -98,7 +98,7 @@ def time_axis(time: np.ndarray) -> tuple[float, float, float, float]:
 
 
 def _depths(scene: Scene) -> tuple[float, float, float]:
-    """The axis of depths that holds the tracks, and the target unless it is far away."""
+    """The depth axis that includes the tracks, and the target unless it is far away."""
     wanted = scene.target.next_depth
     shown = np.concatenate([trail[:, 2] for trail in (scene.trail, scene.model_trail) if trail is not None])
     low, high = (float(shown.min()), float(shown.max())) if len(shown) else (0.0, 0.0)
@@ -108,7 +108,7 @@ def _depths(scene: Scene) -> tuple[float, float, float]:
 
 
 def depth_axis(shown: np.ndarray) -> tuple[float, float, float]:
-    """The upper and the lower end of a strip that holds some depths, and the step of its ticks, m."""
+    """The upper and the lower end of a strip that includes some depths, and the step of its ticks, m."""
     low, high = (float(shown.min()), float(shown.max())) if len(shown) else (0.0, 0.0)
     spare = max(0.5 * (_LEAST_SPAN - (high - low)), 0.05 * (high - low))
     if 0.0 <= low <= 1.5 * (high - low) + _LEAST_SPAN:
@@ -121,7 +121,7 @@ def depth_axis(shown: np.ndarray) -> tuple[float, float, float]:
 
 
 def _pointer(sheet: Sheet, wanted: float, box: Box, *, below: bool) -> None:
-    """An arrow at the upper or lower edge towards a target that is outside the strip."""
+    """Draw an arrow at the upper or lower edge towards a target outside the strip."""
     x, edge, way = box.left + 18.0, box.bottom if below else box.top, 1.0 if below else -1.0
     text = f"target {distance_text(wanted)}"
     width = sheet.text_width(text, 12.0, bold=True)

@@ -1,4 +1,4 @@
-"""The picture of a float's dive: depth over time beside the water column, and its speed and engine below."""
+"""The picture of a float's dive: depth over time beside the water column, with its speed and engine below."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from auv_gym.rendering.sheet import (
 )
 
 _COLUMN, _BELOW, _GAP = 250.0, 178.0, 22.0  # width of the water column, height of the lower panels, pixels
-_BODY, _GIRTH = 46.0, 13.0  # of the float, pixels
-_ARROW = 34.0  # of the fastest speed so far, pixels
-_BANDS = 16  # of the water's shades
-_LEAST_SPEED = 0.05  # m/s that the axis shows
+_BODY, _GIRTH = 46.0, 13.0  # length and half-width of the float, pixels
+_ARROW = 34.0  # length of the arrow at the fastest speed so far, pixels
+_BANDS = 16  # number of shades of the water
+_LEAST_SPEED = 0.05  # m/s, least range of the axis
 _COMMANDED = mixed(COMMAND, PAPER, 0.5)
 
 
 @dataclass(frozen=True, eq=False)
 class Dive:
-    """One moment of a dive and how it came there; raises ValueError on what cannot be drawn.
+    """One moment of a dive and its history; raises ValueError if it cannot be drawn.
 
     time, depth, rate, target: s, m, m/s down, m; oldest first, shape (n,), n of 1 or more.  command, position: of the
     engine, in its channel's unit, (n,); limits: the ends of its range.  title, caption: left and right of the head
@@ -103,7 +103,7 @@ def _depth(sheet: Sheet, dive: Dive, strip: Strip, area: Box) -> None:
 
 
 def _column(sheet: Sheet, dive: Dive, strip: Strip, area: Box) -> None:
-    """The water from the surface down, with the float in it, at the height that the depth has in the strip beside."""
+    """Draw the water from the surface down, with the float at the same height as its depth in the strip."""
     box = Box(area.left, strip.box.top, area.right, strip.box.bottom)
     surface = min(max(strip.y(0.0), box.top), box.bottom)
     draw_title(sheet, area, "Water column", "", [("off by", _signed(dive.depth[-1] - dive.target[-1], 2, "m"), INK)])
@@ -161,7 +161,7 @@ def _engine(sheet: Sheet, dive: Dive, strip: Strip, area: Box) -> None:
 
 
 def _panel(area: Box, strip: Strip, low: float, high: float, step: float) -> Strip:
-    """A panel with the time axis of a strip and an axis of its own, of which high values are on top."""
+    """A panel with the time axis of a strip and a value axis of its own, positive up."""
     low, high = outward(low, high, step)
     return Strip(frame(area), strip.first, strip.last, strip.pace, strip.seconds, high, low, step)
 
@@ -188,7 +188,7 @@ def _curves(
 
 
 def _float(sheet: Sheet, middle: tuple[float, float], share: float) -> None:
-    """A float upright, its mast up; what its engine holds outside the hull shows below."""
+    """Draw an upright float with its mast up; the part of its engine outside the hull is drawn below."""
     x, y = middle
     top, bottom = y - 0.5 * _BODY, y + 0.5 * _BODY
     turn = np.linspace(0.0, np.pi, 19)
@@ -202,13 +202,13 @@ def _float(sheet: Sheet, middle: tuple[float, float], share: float) -> None:
 
 
 def _share(dive: Dive) -> float:
-    """How much of its range the engine has outside the hull, from 0 to 1."""
+    """Share of the engine's range that is outside the hull, from 0 to 1."""
     low, high = dive.limits
     return min(max((float(dive.position[-1]) - low) / (high - low), 0.0), 1.0)
 
 
 def _steps(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corners of a line that stays at each value until the next one comes."""
+    """Corners of a line that holds each value until the next one."""
     changes = np.flatnonzero(np.diff(values)) + 1
     begins = np.concatenate([[0], changes])
     ends = np.append(times[changes], times[-1])

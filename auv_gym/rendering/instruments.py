@@ -29,10 +29,10 @@ from auv_gym.rendering.sheet import (
 )
 
 _DIAL = 62.0  # radius, pixels
-_PITCH = _DIAL / radians(70.0)  # pixels on the horizon per rad: 70 deg from its middle to its rim
-_LADDER = 15  # deg of pitch between the rungs; each second one is long and has its number
+_PITCH = _DIAL / radians(70.0)  # pixels on the horizon per rad: 70 deg from its centre to its rim
+_LADDER = 15  # deg of pitch between the rungs; every second one is long and numbered
 _ROW = 46.0  # height of a command, pixels
-_BESIDE = 34.0  # below which its bar stands beside its name, not under it
+_BESIDE = 34.0  # pixels; in a lower row the bar is beside the name, not under it
 
 
 def draw_attitude(sheet: Sheet, scene: Scene, area: Box) -> None:
@@ -88,7 +88,7 @@ def draw_commands(sheet: Sheet, scene: Scene, area: Box) -> None:
 
 
 def _horizon(sheet: Sheet, x: float, y: float, roll: float, pitch: float) -> None:
-    """What one sees looking ahead: the horizon falls as the nose rises, and turns against the roll."""
+    """Draw the view ahead: the horizon falls as the nose rises, and rotates against the roll."""
     middle = np.array([x, y])
     across, upward = np.array([cos(roll), -sin(roll)]), np.array([-sin(roll), -cos(roll)])
 
@@ -119,7 +119,7 @@ def _horizon(sheet: Sheet, x: float, y: float, roll: float, pitch: float) -> Non
 
 
 def _dial(sheet: Sheet, x: float, y: float, heading: float, wanted: float | None) -> None:
-    """The compass seen from above: the vehicle along its heading, the target as a wedge, the turn to it as an arc."""
+    """Draw the compass from above: the vehicle along its heading, the target as a wedge, the turn to it as an arc."""
     middle = np.array([x, y])
     sheet.circle((x, y), _DIAL, PANEL, LINE, 1.5)
     for mark in range(0, 360, 30):
@@ -166,7 +166,7 @@ def _command(sheet: Sheet, row: Box, name: str, value: float, limits: tuple[floa
 
 
 def _bar(sheet: Sheet, bar: Box, value: float, low: float, high: float, colour: Colour) -> None:
-    """A bar from zero, or the end nearest to it, to the value, cut at the ends."""
+    """Draw a bar from zero, or the end nearest to it, to the value, cut at the ends."""
     sheet.box(bar, PANEL, GRID)
     zero, end = (bar.left + (min(max(v, low), high) - low) / (high - low) * bar.width for v in (0.0, value))
     if zero != end:
@@ -186,7 +186,7 @@ def _direction(bearing: float) -> np.ndarray:
 
 
 def _turn(angle: float) -> str:
-    """An angle within half a turn, deg, with its sign."""
+    """An angle within half a turn, in degrees, with its sign."""
     return f"{number(degrees((angle + pi) % (2.0 * pi) - pi), 1, signed=True)}°"
 
 

@@ -1,4 +1,4 @@
-"""What the panels have in common: a title line with readings, and a frame with axes."""
+"""The common parts of panels: a title line with readings, and a frame with axes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _SIZE = 13.0
 def draw_title(
     sheet: Sheet, area: Box, title: str, note: str = "", readings: Sequence[tuple[str, str, Colour]] = ()
 ) -> None:
-    """Write a title and a quiet note at the left, and readings (label, value, colour of the value) at the right."""
+    """Write a title and a grey note at the left, and readings (label, value, colour of the value) at the right."""
     y, x = area.top + 12.0, area.right
     used = sheet.text((area.left, y), title, INK, _SIZE, bold=True)
     sheet.text((area.left + used + 10.0, y), note, QUIET, 11.0)
@@ -31,7 +31,7 @@ def frame(area: Box) -> Box:
 def draw_axes(
     sheet: Sheet, box: Box, across: Iterable[tuple[float, str]], down: Iterable[tuple[float, str]], name: str
 ) -> None:
-    """Draw a frame's ground, and its grid at pixels x (across) and y (down) with texts; name: of the lower axis."""
+    """Draw a frame's background, and its grid at pixels x (across) and y (down) with texts; name: of the lower axis."""
     sheet.box(box, PANEL)
     for x, text in across:
         sheet.line([(x, box.top), (x, box.bottom)], GRID)

@@ -1,4 +1,4 @@
-"""The plan view: north up and east right in equal scale, with track, vehicle, route, target and current."""
+"""The plan view: north up and east right at equal scale, with track, vehicle, route, target and current."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ from auv_gym.rendering.sheet import (
     mixed,
 )
 
-_LEAST_SPAN = 30.0  # m up the panel, so that the first steps do not fill it
+_LEAST_SPAN = 30.0  # m, least height of the view, so that the first steps do not fill it
 _ROUTE_SPAN = 1500.0  # m; a route up to this wide is always in view as a whole
-_FAR = 8.0  # times the track's own span, beyond which a wider route is left out
-_MARGIN = 40.0  # pixels free around what is shown
-_GRAIN = 24.0  # pixels, the steps in which the view moves: within the margin
-_SCALES = 8  # to a decade: the view widens in steps, not with each frame
-_SHADES = 24  # of the track, oldest to newest
-_POINTS = 1500  # of a track, beyond which it is thinned
-_CROWD = 12  # waypoints, beyond which only the active one has its number
-_LENGTH = 40.0  # of the vehicle, pixels; not to scale
+_FAR = 8.0  # times the track's own span; a wider route is left out
+_MARGIN = 40.0  # pixels free around the content
+_GRAIN = 24.0  # pixels, step in which the view moves; less than the margin
+_SCALES = 8  # scales in a decade: the view widens in steps, not with each frame
+_SHADES = 24  # number of shades of the track, oldest to newest
+_POINTS = 1500  # points of a track beyond which it is thinned
+_CROWD = 12  # waypoints beyond which only the active one is numbered
+_LENGTH = 40.0  # length of the vehicle, pixels; not to scale
 _RAY = 80.0  # length of the target heading, pixels
 _TORPEDO = np.array(  # half a plan of a torpedo-shaped hull, nose at (0.5, 0), length 1: hull and stern planes
     [(0.5, 0.0), (0.49, 0.03), (0.46, 0.055), (0.40, 0.075), (0.30, 0.085), (-0.20, 0.085), (-0.28, 0.075),
@@ -49,7 +49,7 @@ _SILHOUETTE = np.vstack([_TORPEDO, _TORPEDO[::-1] * (1.0, -1.0)])
 
 
 class View(NamedTuple):
-    """Where metres north and east fall on a panel."""
+    """Position of north and east, in metres, on a panel."""
 
     box: Box
     north: float
@@ -71,7 +71,7 @@ def draw_plan(sheet: Sheet, scene: Scene, area: Box) -> None:
     _legend(sheet, scene, area)
     _axes(sheet, view)
     track = view.place(scene.trail[kept(len(scene.trail))])
-    marks = []  # what the current's arrow may not cover
+    marks = []  # points that the current's arrow may not cover
     with sheet.inside(box):
         if target.waypoints is not None and len(target.waypoints):
             marks.append(_route(sheet, target, view.place(target.waypoints), view.metres))
@@ -92,7 +92,7 @@ def draw_plan(sheet: Sheet, scene: Scene, area: Box) -> None:
 
 
 def outline(middle: Point, heading: float, length: float) -> np.ndarray:
-    """The plan of a vehicle in pixels, its nose along the heading, rad."""
+    """The outline of a vehicle from above in pixels, its nose along the heading, rad."""
     x, y = middle
     forward, starboard = length * _SILHOUETTE[:, 0], length * _SILHOUETTE[:, 1]
     return np.column_stack(
@@ -104,7 +104,7 @@ def outline(middle: Point, heading: float, length: float) -> np.ndarray:
 
 
 def kept(count: int) -> np.ndarray:
-    """Indices of at most some 1500 points of a line, the last among them; a growing line keeps them for long."""
+    """Indices of at most some 1500 points of a line, including the last; a growing line changes them rarely."""
     stride = 1
     while count > _POINTS * stride:
         stride *= 2
@@ -113,7 +113,7 @@ def kept(count: int) -> np.ndarray:
 
 
 def _view(scene: Scene, box: Box) -> View:
-    """The narrowest view of the stepped scales that holds the tracks, and the route unless it is far away."""
+    """The narrowest view of the stepped scales that includes the tracks, and the route unless it is far away."""
     lines = [scene.trail] if len(scene.trail) else [np.zeros((1, 3))]
     if scene.model_trail is not None:
         lines.append(scene.model_trail)
@@ -121,7 +121,7 @@ def _view(scene: Scene, box: Box) -> View:
     target = scene.target
     if target.waypoints is not None and len(target.waypoints):
         reach = target.radius or 0.0
-        own = max(np.ptp(shown[:, 0]), np.ptp(shown[:, 1]), _LEAST_SPAN)  # by columns: over axis 0 it is slow
+        own = max(np.ptp(shown[:, 0]), np.ptp(shown[:, 1]), _LEAST_SPAN)  # by columns: ptp over axis 0 is slow
         wider = np.vstack([shown, target.waypoints[:, :2] - reach, target.waypoints[:, :2] + reach])
         if max(np.ptp(wider[:, 0]), np.ptp(wider[:, 1])) <= max(_ROUTE_SPAN, _FAR * own):
             shown = wider
@@ -186,7 +186,7 @@ def _track(sheet: Sheet, track: np.ndarray) -> None:
 
 
 def _ray(sheet: Sheet, vehicle: np.ndarray, heading: float) -> np.ndarray:
-    """Draw the target heading; its tip, shape (1, 2)."""
+    """Draw the target heading; return its tip, shape (1, 2)."""
     along, across = np.array([sin(heading), -cos(heading)]), np.array([cos(heading), sin(heading)])
     tip = vehicle + _RAY * along
     sheet.line([vehicle, tip - 9.0 * along], TARGET, 2.0, DASHED)
@@ -195,7 +195,7 @@ def _ray(sheet: Sheet, vehicle: np.ndarray, heading: float) -> np.ndarray:
 
 
 def _route(sheet: Sheet, target: Target, places: np.ndarray, metres: float) -> np.ndarray:
-    """Draw the waypoints at their pixels, shape (k, 2), and the legs between them; the pixels."""
+    """Draw the waypoints at their pixels, shape (k, 2), and the legs between them; return the pixels."""
     pale = mixed(TARGET, PANEL, 0.5)
     sheet.line(places, pale, 1.6, DOTTED)
     ring = 9.0 if target.radius is None else max(target.radius / metres, 9.0)
@@ -214,7 +214,7 @@ def _route(sheet: Sheet, target: Target, places: np.ndarray, metres: float) -> n
 
 
 def _pointer(sheet: Sheet, scene: Scene, view: View, vehicle: np.ndarray) -> np.ndarray:
-    """Draw an arrow at the edge towards an active waypoint outside the view; its tip, shape (0 or 1, 2)."""
+    """Draw an arrow at the edge towards an active waypoint outside the view; return its tip, shape (0 or 1, 2)."""
     waypoint = scene.target.next_waypoint
     if waypoint is None or view.box.holds(place := view.place(waypoint[None])[0]):
         return np.empty((0, 2))
@@ -233,7 +233,7 @@ def _pointer(sheet: Sheet, scene: Scene, view: View, vehicle: np.ndarray) -> np.
 
 
 def _current(sheet: Sheet, current: tuple[float, float], box: Box, marks: np.ndarray, track: np.ndarray) -> None:
-    """An arrow along the flow with its speed, in the corner where it covers least."""
+    """Draw an arrow along the flow with its speed, in the corner where it covers least."""
     north, east = (float(part) for part in current)
     speed, width, height = hypot(north, east), 124.0, 50.0
     left, right = box.left + 8.0, box.right - 8.0 - width

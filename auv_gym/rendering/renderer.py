@@ -1,4 +1,4 @@
-"""A scene as a picture: the layout of the panels, and several pictures side by side."""
+"""Rendering of a scene: the layout of the panels, and several pictures side by side."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from auv_gym.rendering.plan import draw_plan
 from auv_gym.rendering.scene import Scene
 from auv_gym.rendering.sheet import GRID, INK, QUIET, Box, Sheet
 
-SIZE = (960, 600)  # pixels, width and height, for which the layout is made
+SIZE = (960, 600)  # width and height in pixels for which the layout is designed
 _LEAST = (320, 200)
 _EDGE, _SIDE, _HEAD, _STRIP = 18.0, 330.0, 46.0, 172.0  # outer margin, right column, head line, depth strip
 
 
 class Renderer:
-    """Draws scenes at one size, on paper that is kept between them; a scene gives the same picture every time."""
+    """Draws scenes at one size, reusing its drawing surface; a scene gives the same picture every time."""
 
     def __init__(self, size: tuple[int, int] = SIZE):
         width, height = (int(pixels) for pixels in size)
@@ -52,7 +52,7 @@ class Renderer:
         return sheet.pixels()
 
     def close(self) -> None:
-        """Free the paper; drawing raises after this."""
+        """Free the drawing surface; drawing raises after this."""
         self._sheet = None
 
 
@@ -62,7 +62,7 @@ def draw(scene: Scene | Dive, size: tuple[int, int] = SIZE) -> np.ndarray:
 
 
 def film_strip(frames: Sequence[np.ndarray], columns: int) -> np.ndarray:
-    """Pictures of one size in rows of `columns`, shape (h, w, 3), uint8, white between them and where none is left."""
+    """Pictures of one size in rows of `columns`, shape (h, w, 3), uint8, with white gaps and empty places."""
     if not len(frames) or columns < 1 or len({frame.shape for frame in frames}) > 1:
         shapes = sorted({frame.shape for frame in frames})
         raise ValueError(f"A film strip needs frames of one shape and a column or more, got {shapes} in {columns}.")

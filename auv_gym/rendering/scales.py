@@ -1,4 +1,4 @@
-"""Axes that stand still while a run grows: limits and ticks on round numbers, and numbers as text."""
+"""Axes that stay fixed while a run grows: limits and ticks on round numbers, and numbers as text."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from math import ceil, floor, log10
 
 import numpy as np
 
-SMALL = {"m": ("mm", 1e3), "m3": ("mL", 1e6)}  # what actuators move in, by the unit of their channel
+SMALL = {"m": ("mm", 1e3), "m3": ("mL", 1e6)}  # units for actuators, by the unit of their channel
 
 _MINUS = "\N{MINUS SIGN}"
 
@@ -28,7 +28,7 @@ def outward(low: float, high: float, step: float) -> tuple[float, float]:
 
 
 def number(value: float, decimals: int = 0, *, signed: bool = False) -> str:
-    """A number with a true minus sign and never a negative zero; signed: with a plus when it is above zero."""
+    """A number with a true minus sign and no negative zero; signed: with a plus sign above zero."""
     text = f"{abs(value):.{decimals}f}"
     if float(text) == 0.0:
         return text
@@ -36,12 +36,12 @@ def number(value: float, decimals: int = 0, *, signed: bool = False) -> str:
 
 
 def tick_text(value: float, step: float) -> str:
-    """A tick with as many decimals as its step has."""
+    """A tick with as many decimals as its step."""
     return number(value, max(0, -floor(log10(step) + 1e-9)))
 
 
 def shortest(value: float) -> str:
-    """A number to two decimals, without zeros at the end."""
+    """A number to two decimals, without trailing zeros."""
     text = number(value, 2)
     return text.rstrip("0").rstrip(".")
 

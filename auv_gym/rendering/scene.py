@@ -1,4 +1,4 @@
-"""What a picture of a run shows, in SI and radians: the track so far, the present attitude, commands and targets."""
+"""The content of a picture of a run, in SI and radians: the track so far, present attitude, commands and targets."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ Limit = float | tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """What the vehicle is asked to do; each part may lack.
+    """The target of the vehicle; each part may be missing.
 
     heading: rad.  depth: m.  speed: m/s.  waypoints: north, east, depth, m, shape (k, 3).
-    active: index of the waypoint that comes next, k when all are reached.  radius: m, at which one counts as reached.
+    active: index of the next waypoint, k when all are reached.  radius: m, at which one counts as reached.
     """
 
     heading: float | None = None
@@ -50,7 +50,7 @@ class Target:
 
     @property
     def next_depth(self) -> float | None:
-        """The depth asked for, m: that of the target or else of the active waypoint."""
+        """The target depth, m: that of the target, or else of the active waypoint."""
         if self.depth is not None or self.next_waypoint is None:
             return self.depth
         return float(self.next_waypoint[2])
@@ -58,14 +58,14 @@ class Target:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """One moment of a run and how it came there; raises ValueError on what cannot be drawn.
+    """One moment of a run and its history; raises ValueError if it cannot be drawn.
 
     trail: north, east, depth, m, oldest first, shape (n, 3); n may be 0.  time: s, shape (n,).
     attitude: roll, pitch, heading now, rad.  speed: m/s through the water.
     commands: by channel name (`rudder_rad`), the value and its limit, or both its ends, in the channel's unit.
     current: velocity of the water, north and east, m/s.  title, caption: left and right of the head line.
-    model_trail: a second run at the same times, shape (m, 3) with m <= n.  labels: what the two runs are called.
-    level: the depth is not known, and the plan view takes the room of the depth strip.
+    model_trail: a second run at the same times, shape (m, 3) with m <= n.  labels: names of the two runs.
+    level: the depth is not known, and the plan view takes the place of the depth strip.
     """
 
     trail: np.ndarray
@@ -110,7 +110,7 @@ class Scene:
 
 
 def ends(limit: Limit) -> tuple[float, float]:
-    """The smallest and largest value of a command: a single limit holds on both sides."""
+    """The smallest and largest value of a command; a single limit applies to both sides."""
     return limit if isinstance(limit, tuple) else (-abs(limit), abs(limit))
 
 

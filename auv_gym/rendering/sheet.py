@@ -1,6 +1,6 @@
-"""A drawing surface in pixels, with x to the right and y down, painted at once: no figure, axes or ticks behind it.
+"""A drawing surface in pixels, with x to the right and y down, painted directly, without figure, axes or ticks.
 
-matplotlib's Agg rasteriser does the work. A figure with axes takes several times as long a frame, most of it on ticks.
+It uses matplotlib's Agg rasteriser.  A figure with axes takes several times as long for a frame, most of it on ticks.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.path import Path
 from matplotlib.transforms import Affine2D, Bbox, TransformedPath
 
-# Okabe and Ito's palette, told apart with every common colour blindness; lines differ in style too.
+# Okabe and Ito's palette, distinguishable with every common colour blindness; lines also differ in style.
 INK, QUIET, LINE, GRID, PANEL, PAPER = "#22303c", "#5b6b78", "#b4bfc8", "#dfe5ea", "#f7f9fb", "#ffffff"
 VEHICLE, MODEL, TARGET, COMMAND, WATER = "#0072b2", "#a8558a", "#d55e00", "#00785a", "#2b83a6"
 UP, DOWN = "#dcedf7", "#7fa3b8"  # the two halves of the horizon: towards the surface and the bottom
@@ -61,7 +61,7 @@ class Box(NamedTuple):
 
 
 class Letters(NamedTuple):
-    """A text as it is inked: the cover of each device pixel, the row of the base line, and the width, pixels."""
+    """A rendered text: the coverage of each device pixel, the row of the base line, and the width, pixels."""
 
     cover: np.ndarray
     base: int
@@ -69,7 +69,7 @@ class Letters(NamedTuple):
 
 
 class Sheet:
-    """Paper of a size in pixels, drawn on at `scale` device pixels per unit of length; colours are matplotlib's."""
+    """A drawing surface of a size in pixels, `scale` device pixels per unit of length; colours are matplotlib's."""
 
     def __init__(self, width: int, height: int, scale: float):
         self._agg = RendererAgg(width, height, 72.0)  # at 72 dpi a point of a font is a pixel
@@ -78,11 +78,11 @@ class Sheet:
         self._paper = Box(0.0, 0.0, width / scale, height / scale)
         self._to_device = Affine2D().scale(scale, -scale).translate(0.0, height)
         self._clip: tuple[Bbox | None, TransformedPath | None] = (None, None)
-        # Shaping text takes longer than all the rest, and most of it is the same on the next sheet.
+        # Shaping text takes longer than all other drawing, and most of it is the same on the next sheet.
         self._letters = lru_cache(maxsize=1024)(self._written)
 
     def clear(self) -> None:
-        """White paper."""
+        """Paint the surface white."""
         self._agg.clear()
         self._clip = (None, None)
         self.box(self._paper, PAPER)
@@ -93,7 +93,7 @@ class Sheet:
 
     @contextmanager
     def inside(self, box: Box) -> Generator[None]:
-        """Draw only what falls into a rectangle."""
+        """Clip drawing to a rectangle."""
         corners = self._to_device.transform([(box.left, box.bottom), (box.right, box.top)])
         before, self._clip = self._clip, (Bbox(corners), None)
         yield
@@ -101,20 +101,20 @@ class Sheet:
 
     @contextmanager
     def inside_circle(self, middle: Point, radius: float) -> Generator[None]:
-        """Draw only what falls into a circle."""
+        """Clip drawing to a circle."""
         path = Path(_CIRCLE * radius + np.asarray(middle), closed=True)
         before, self._clip = self._clip, (None, TransformedPath(path, self._to_device))
         yield
         self._clip = before
 
     def line(self, points: Points, colour: Colour, width: float = 1.0, dash: tuple[float, float] | None = None) -> None:
-        """A line through points x, y."""
+        """Draw a line through points x, y."""
         self._agg.draw_path(self._gc(colour, width, dash=dash), Path(np.asarray(points, dtype=float)), self._to_device)
 
     def polygon(
         self, points: Points, fill: Colour | None, edge: Colour | None = None, width: float = 1.0, opacity: float = 1.0
     ) -> None:
-        """A closed outline, filled or not."""
+        """Draw a closed outline, filled or not."""
         points = np.asarray(points, dtype=float)
         path = Path(np.vstack([points, points[:1]]), closed=True)
         self._agg.draw_path(
@@ -127,16 +127,16 @@ class Sheet:
     def box(
         self, box: Box, fill: Colour | None, edge: Colour | None = None, width: float = 1.0, opacity: float = 1.0
     ) -> None:
-        """A rectangle."""
+        """Draw a rectangle."""
         corners = [(box.left, box.top), (box.right, box.top), (box.right, box.bottom), (box.left, box.bottom)]
         self.polygon(corners, fill, edge, width, opacity)
 
     def circle(self, middle: Point, radius: float, fill: Colour | None, edge: Colour | None = None, width: float = 1.0):
-        """A circle, filled or not."""
+        """Draw a circle, filled or not."""
         self.polygon(_CIRCLE[:-1] * radius + np.asarray(middle), fill, edge, width)
 
     def arrow(self, start: Point, end: Point, colour: Colour, width: float = 2.0, head: float = 9.0) -> None:
-        """A line with a filled head whose tip is at `end`."""
+        """Draw a line with a filled head whose tip is at `end`."""
         tip = np.asarray(end, dtype=float)
         along = tip - np.asarray(start, dtype=float)
         along /= max(float(np.hypot(*along)), 1e-9)
@@ -156,9 +156,9 @@ class Sheet:
         bold: bool = False,
         veil: str | None = None,
     ) -> float:
-        """Write text and return its width; `at` is at the middle of the capitals' height.
+        """Write text and return its width; `at` is at half the height of the capitals.
 
-        align: which part of the text is there: left, centre or right.  veil: colour put behind the letters.
+        align: the part of the text at this point: left, centre or right.  veil: background colour behind the letters.
         """
         if not text:
             return 0.0
@@ -177,11 +177,11 @@ class Sheet:
         return letters.width
 
     def text_width(self, text: str, size: float, *, bold: bool = False) -> float:
-        """How long a text is when written."""
+        """The width of a text when written."""
         return self._letters(text, size, bold).width if text else 0.0
 
     def fitting(self, text: str, size: float, room: float) -> str:
-        """The text, cut with an ellipsis to what fits into the room."""
+        """The text, cut with an ellipsis if it does not fit into the room."""
         if self.text_width(text, size) <= room:
             return text
         cut = bisect_right(range(len(text)), room, key=lambda kept: self.text_width(text[:kept] + "…", size)) - 1

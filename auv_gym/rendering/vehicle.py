@@ -1,4 +1,4 @@
-"""A vehicle in six degrees of freedom from above and from the side, with its parts where its file says they are."""
+"""Drawing of a vehicle in six degrees of freedom from above and from the side, with its parts in place."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _VIEWS = (("from above", 1, "starboard, m"), ("from the side", 2, "down, m"))
 
 
 def draw_vehicle(plant: Any) -> Figure:
-    """The hull, its centres of gravity and buoyancy, and what each part sketches of itself, to scale.
+    """Draw the hull, its centres of gravity and buoyancy, and the sketch of each part, to scale.
 
     plant: a vehicle of family "body".  Raises ValueError for others, which have no parts.
     """
@@ -29,7 +29,7 @@ def draw_vehicle(plant: Any) -> Figure:
     width = min(9.0, 9.0 * wide / half * 10.6 / 16.0)  # inches; a stubby vehicle's two views still fit a page
     figure = Figure(figsize=(width, 1.4 + 16.0 / 9.0 * width * half / wide), layout="constrained")
     figure.suptitle(fill(plant.title or plant.name, int(10.0 * width)), fontsize=12)  # a letter is 7 points wide
-    points = 0.85 * 72.0 * width / (2.0 * wide)  # for each metre, at least
+    points = 0.85 * 72.0 * width / (2.0 * wide)  # least number of points for each metre
     for axes, (view, across, label) in zip(figure.subplots(2, 1, sharex=True), _VIEWS, strict=True):
         x, y = _outline(hull.length, hull.diameter)
         axes.fill(x, y, facecolor=_HULL, alpha=0.35, edgecolor=_HULL)
@@ -68,7 +68,7 @@ def draw_vehicle(plant: Any) -> Figure:
 
 
 def _free_row(at: np.ndarray, edge: float, text: str, taken: list[np.ndarray]) -> int:
-    """How far above its part a name is written, points, where it meets no name of ``taken``, which it joins.
+    """Distance of a name above its part, points, at which it meets no name of ``taken``, to which it is added.
 
     at: the part's middle, points to the right and down.  edge: of the picture, points above and below its middle.
     """

@@ -1,4 +1,4 @@
-"""A window on the screen that shows pictures as they come."""
+"""A window on the screen that shows a sequence of pictures."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _DPI = 100.0
 
 
 class Window:
-    """A matplotlib window, opened by the first picture; once its user has closed it, pictures are dropped."""
+    """A matplotlib window, opened by the first picture; once its user has closed it, pictures are ignored."""
 
     def __init__(self, title: str = "auv-gym"):
         self.title = title
@@ -20,7 +20,7 @@ class Window:
         self._image: Any = None
 
     def show(self, picture: np.ndarray) -> None:
-        """Show a picture, shape (height, width, 3), uint8; raises RuntimeError where no window can be opened."""
+        """Show a picture, shape (height, width, 3), uint8; raises RuntimeError if no window can be opened."""
         if self._figure is None:
             self._figure, self._image = self._opened(picture)
         if self.closed_by_user:
@@ -31,7 +31,7 @@ class Window:
 
     @property
     def closed_by_user(self) -> bool:
-        """Whether the window was opened and is gone."""
+        """Whether the window was opened and then closed."""
         from matplotlib import pyplot
 
         return self._figure is not None and not pyplot.fignum_exists(self._figure.number)
@@ -45,7 +45,7 @@ class Window:
             self._figure = self._image = None
 
     def _opened(self, picture: np.ndarray) -> tuple[Any, Any]:
-        from matplotlib import pyplot  # chooses matplotlib's backend when first used, so not before a window is wanted
+        from matplotlib import pyplot  # importing pyplot chooses a backend, so it waits until a window is needed
 
         backend = matplotlib.get_backend()
         if backend.lower() in backend_registry.list_builtin(BackendFilter.NON_INTERACTIVE):
