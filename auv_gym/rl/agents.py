@@ -21,32 +21,32 @@ from auv_gym.rl.evaluation import TRAINING, fresh_seeds
 from auv_gym.rl.policy import Policy, Scaling
 from auv_gym.rl.settings import TRUE, Training, make_env
 
-_LSTM_SIZE = 64  # of the recurrent layer, as of the hidden layers
+_LSTM_SIZE = 64  # size of the recurrent layer, like that of the hidden layers
 _ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "relu": nn.ReLU, "elu": nn.ELU}
 
 
 class Clock(VecEnvWrapper):
-    """The environments, with the time that they take."""
+    """A wrapper that measures the time that the environments take."""
 
     def __init__(self, venv: VecEnv):
         super().__init__(venv)
         self._seconds = 0.0
 
     def reset(self) -> Any:
-        """As the environments."""
+        """Reset the environments, with time measured."""
         began = perf_counter()
         observations = self.venv.reset()
         self._seconds += perf_counter() - began
         return observations
 
     def step_async(self, actions: np.ndarray) -> None:
-        """As the environments."""
+        """Start a step of the environments, with time measured."""
         began = perf_counter()
         self.venv.step_async(actions)
         self._seconds += perf_counter() - began
 
     def step_wait(self) -> Any:
-        """As the environments."""
+        """Finish a step of the environments, with time measured."""
         began = perf_counter()
         found = self.venv.step_wait()
         self._seconds += perf_counter() - began
@@ -59,7 +59,7 @@ class Clock(VecEnvWrapper):
 
 
 class ScaledActions(VecEnvWrapper):
-    """The environments, whose actions an agent gives in units of `scale`, one for all or one each."""
+    """A wrapper that multiplies an agent's actions by `scale`, one number for all actions or one each."""
 
     def __init__(self, venv: VecEnv, scale: float | Sequence[float]):
         box = venv.action_space
@@ -71,21 +71,21 @@ class ScaledActions(VecEnvWrapper):
         super().__init__(venv, action_space=own)
 
     def reset(self) -> Any:
-        """As the environments."""
+        """Reset the environments."""
         return self.venv.reset()
 
     def step_async(self, actions: np.ndarray) -> None:
-        """As the environments."""
+        """Start a step of the environments with scaled actions."""
         self.venv.step_async(actions * self.scale)
 
     def step_wait(self) -> Any:
-        """As the environments."""
+        """Finish a step of the environments."""
         return self.venv.step_wait()
 
 
 def make_vector_env(env: str, count: int, on: Any = TRUE, **options: Any) -> VecEnv:
-    """Environments as stable-baselines3 takes them: the native vector environment, else single ones."""
-    one = make_env(env, on, **options)  # also for its errors
+    """Environments in the form of stable-baselines3: the native vector environment, else single ones."""
+    one = make_env(env, on, **options)  # also raises errors for wrong arguments
     spec = one.spec
     if spec is None or spec.vector_entry_point is None:
         return SingleEnvs([one, *(make_env(env, on, **options) for _ in range(count - 1))])
@@ -100,12 +100,12 @@ def make_vector_env(env: str, count: int, on: Any = TRUE, **options: Any) -> Vec
 
 
 def make_agent(training: Training, tensorboard: Path | None = None, steps_before: int = 0) -> tuple[Any, Clock]:
-    """The agent with its environments, and the clock of these; one thread, on the processor.
+    """The agent with its environments, and their clock; runs in one thread, on the CPU.
 
-    steps_before: of a training that goes on; its episodes and noise are drawn anew from there.
+    steps_before: steps of a resumed training so far; its episodes and noise are drawn anew from there.
     """
-    torch.set_num_threads(1)  # networks this small lose time on more
-    numba.set_num_threads(1)  # and so do some tens of vehicles, where other work keeps a core busy
+    torch.set_num_threads(1)  # more threads slow down such small networks
+    numba.set_num_threads(1)  # and some tens of vehicles, if other work keeps a core busy
     chosen = training.chosen
     clock = Clock(make_vector_env(training.env, chosen.n_envs, training.on, **training.learning_options))
     if not isinstance(clock.action_space, gymnasium.spaces.Box) or len(clock.observation_space.shape or ()) != 1:
@@ -133,12 +133,12 @@ def make_agent(training: Training, tensorboard: Path | None = None, steps_before
         device="cpu",
         **chosen.agent_settings,
     )
-    clock.venv._seeds = list(seeds)  # those of the constructor lie side by side
+    clock.venv._seeds = list(seeds)  # the constructor's seeds are consecutive
     return agent, clock
 
 
 def policy_network(agent: Any) -> Policy:
-    """What the agent does without noise, as arrays; the scaling is that of this moment."""
+    """The agent's noise-free policy as arrays, with the present scaling."""
     hidden = list(agent.policy.mlp_extractor.policy_net)
     linear = [part for part in (*hidden, agent.policy.action_net) if isinstance(part, nn.Linear)]
     names = [name for name, made in _ACTIVATIONS.items() if any(isinstance(part, made) for part in hidden)]
@@ -162,12 +162,12 @@ def policy_network(agent: Any) -> Policy:
 
 
 def frames_of(agent: Any) -> int:
-    """How many observations the agent sees at once."""
+    """The number of observations that the agent sees at once."""
     return agent.env.stacked_obs.n_stack if isinstance(agent.env, VecFrameStack) else 1
 
 
 def action_scale_of(agent: Any) -> np.ndarray:
-    """The actions that are 1 to the agent, (1,) where it is the same for all."""
+    """The scale of the agent's actions, (1,) if it is the same for all."""
     env = agent.env
     while isinstance(env, VecEnvWrapper):
         if isinstance(env, ScaledActions):
@@ -195,7 +195,7 @@ def _networks(training: Training) -> dict[str, Any]:
 
 
 def _scheduled(value: float | str) -> float | Callable[[float], float]:
-    """The number, or what falls from it to 0 over the training."""
+    """The number, or a schedule that falls from it to 0 over the training."""
     if not isinstance(value, str):
         return value
     first = float(value.partition("_")[2])

@@ -1,4 +1,4 @@
-"""Where a training stands, as files from which it goes on; a kill at any moment leaves the last whole one."""
+"""The state of a training in files for resuming it; if it is killed at any moment, the last complete state remains."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ _STATE = "state.json"
 
 @dataclass
 class Checkpoint:
-    """What a training has come to; `state.json` is written last, and names the files that belong to it.
+    """The state of a training; `state.json` is written last, and names the files that belong to it.
 
-    seconds: of all, of which in_env and evaluating.  curve: rows of the learning curve.  resumed: how many times.
+    seconds: in total, including in_env and evaluating.  curve: rows of the learning curve.  resumed: number of
+    resumptions.
     """
 
     folder: Path
@@ -39,7 +40,7 @@ class Checkpoint:
 
     @classmethod
     def read(cls, folder: Path) -> Checkpoint:
-        """The checkpoint of a folder, or that of a training which has not begun."""
+        """The checkpoint in a folder, or that of a training that has not begun."""
         path = folder / _STATE
         if not path.is_file():
             return cls(folder)
@@ -54,7 +55,7 @@ class Checkpoint:
         return found
 
     def write(self, agent: Any) -> None:
-        """Put the agent and what normalises for it beside one another, and only then say so."""
+        """Write the agent and its normalisation, and only then the state that names them."""
         self.folder.mkdir(exist_ok=True)
         self.steps, self.updates = agent.num_timesteps, agent._n_updates
         agent.save(self._agent)
@@ -70,7 +71,7 @@ class Checkpoint:
                 shutil.rmtree(path) if path.is_dir() else path.unlink()
 
     def put_into(self, agent: Any) -> None:
-        """Give the agent what was written of it; no code that files may hold is run."""
+        """Restore the agent from its files; no code in the files is run."""
         from stable_baselines3.common.save_util import load_from_zip_file
 
         _, parameters, _ = load_from_zip_file(self._agent, device=agent.device, load_data=False)
@@ -81,7 +82,7 @@ class Checkpoint:
                 _set_normalizer(agent, arrays)
 
     def keep_best(self, agent: Any, policy: Policy) -> None:
-        """Keep the policy as the best one; it counts once the state is written."""
+        """Keep the policy as the best one; it takes effect once the state is written."""
         self._best.mkdir(parents=True, exist_ok=True)
         agent.save(self._best / "policy.zip")
         policy.save(self._best)
@@ -93,7 +94,7 @@ class Checkpoint:
                 shutil.copyfile(path, new)
 
     def clear(self) -> None:
-        """Delete what only a stopped training needs."""
+        """Delete the files that only a stopped training needs."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
     @property
@@ -121,7 +122,7 @@ def _normalizer_arrays(agent: Any) -> dict[str, np.ndarray]:
 
 
 def _moments(normalizer: Any) -> list[tuple[str, Any]]:
-    """Running moments by name; without normalised observations there are none of these."""
+    """Running moments by name; those of the observations only if these are normalised."""
     return [(name, getattr(normalizer, name)) for name in ("obs_rms", "ret_rms") if hasattr(normalizer, name)]
 
 

@@ -1,4 +1,4 @@
-"""The learning curve: as a table in CSV, and drawn where matplotlib is installed."""
+"""The learning curve: as a CSV table, and drawn if matplotlib is installed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ CURVE = "learning_curve.csv"
 
 
 def write_curve(rows: Sequence[Mapping[str, float]], path: Path) -> None:
-    """Write the rows, whole or not at all."""
+    """Write the rows, as a whole or not at all."""
     lines = [",".join(rows[0]), *(",".join(f"{value:.10g}" for value in row.values()) for row in rows)]
     write_text(path, "\n".join(lines) + "\n")
 

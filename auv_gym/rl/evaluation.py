@@ -1,4 +1,4 @@
-"""What agents reach in an environment: returns of whole episodes on given seeds, and what they say together."""
+"""Evaluation of agents in an environment: returns of whole episodes on given seeds, and their summary."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import gymnasium
 import numpy as np
 
-TRAINING, SELECTION, FRESH = 0, 1, 2  # what seeds are for; each has its own
+TRAINING, SELECTION, FRESH = 0, 1, 2  # purposes of seeds; each has its own seeds
 _RESAMPLES = 10_000
 _LEVEL = 0.95
 
@@ -20,13 +20,13 @@ class Agent(Protocol):
     """An agent that drives an environment: a policy, or a controller in `controllers.piloting`."""
 
     def begin(self, env: Any) -> Acting:
-        """What gives an action for each observation and info of one new episode."""
+        """A function that returns an action for each observation and info of one new episode."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Whole episodes, one by one: sums of rewards without discount, their steps, and why those that were cut were."""
+    """Results of whole episodes: undiscounted sums of rewards, steps, and the reasons of early ends."""
 
     seeds: tuple[int, ...]
     returns: np.ndarray
@@ -35,12 +35,12 @@ class Evaluation:
 
     @property
     def cut(self) -> int:
-        """How many episodes ended before their time."""
+        """Number of episodes that ended early."""
         return sum(bool(reason) for reason in self.reasons)
 
     @property
     def summary(self) -> Summary:
-        """What the returns say together."""
+        """The summary of the returns."""
         return Summary.of(self.returns)
 
 
@@ -59,11 +59,11 @@ class Summary:
 
     @classmethod
     def of(cls, values: Sequence[float] | np.ndarray) -> Summary:
-        """The summary of returns; the resampling is the same for the same number of them."""
+        """The summary of returns; the resampling is the same for the same number of returns."""
         x = np.asarray(values, dtype=float)
         if x.ndim != 1 or x.size < 2 or not np.isfinite(x).all():
             raise ValueError(f"A summary needs 2 finite returns or more, got {x!r}.")
-        # drawn with a seed of their own, so that agents on the same episodes are resampled alike
+        # a fixed seed, so that agents on the same episodes are resampled alike
         drawn = np.sort(x[np.random.default_rng(0).integers(x.size, size=(_RESAMPLES, x.size))], axis=1)
         return cls(
             float(x.mean()),
@@ -78,7 +78,7 @@ class Summary:
 
 
 def fresh_seeds(seed: int, count: int, purpose: int = FRESH) -> list[int]:
-    """Seeds of episodes, the same for the same seed; those of training and of choosing a policy are others."""
+    """Seeds of episodes, reproducible from `seed` and different for each purpose: training, selection, evaluation."""
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise ValueError(f"A seed needs a whole number from 0 on, got {seed!r}.")
     if isinstance(count, bool) or not isinstance(count, int) or count < 1:
@@ -89,7 +89,7 @@ def fresh_seeds(seed: int, count: int, purpose: int = FRESH) -> list[int]:
 def evaluate(
     agent: Agent, env: gymnasium.Env, seeds: Sequence[int], progress: Callable[[float], Any] | None = None
 ) -> Evaluation:
-    """One whole episode of each seed, driven by the agent; progress: called with the share that is done."""
+    """Run one whole episode for each seed, driven by the agent; progress: called with the completed share."""
     sums, lengths, reasons = [], [], []
     for done, seed in enumerate(seeds):
         observation, info = env.reset(seed=int(seed))
@@ -108,12 +108,12 @@ def evaluate(
 
 
 def returns(agent: Agent, env: gymnasium.Env, seeds: Sequence[int]) -> np.ndarray:
-    """The sum of rewards, without discount, of one whole episode of each seed."""
+    """The undiscounted sum of rewards of one whole episode for each seed."""
     return evaluate(agent, env, seeds).returns
 
 
 def _middle(rows: np.ndarray) -> np.ndarray:
-    """The mean of the middle half of each sorted row, with parts of the values at its edges."""
+    """The mean of the middle half of each sorted row, with fractions of the values at its edges."""
     n = rows.shape[1]
     at = np.arange(n)
     weight = np.clip(np.minimum(at + 1, 0.75 * n) - np.maximum(at, 0.25 * n), 0.0, None)

@@ -20,7 +20,7 @@ Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 class _Table(BaseModel):
-    # not strict: YAML reads 3e-4 as text, and 1e6 as a number with a fraction
+    # not strict: YAML reads 3e-4 as text, and 1e6 as a float
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
@@ -42,7 +42,7 @@ Schedule = Annotated[float | str, AfterValidator(_schedule)]
 
 
 class Normalize(_Table):
-    """What is divided by its running standard deviation while training; a policy keeps that of the observations."""
+    """Division by a running standard deviation while training; a policy keeps that of the observations."""
 
     norm_obs: bool = True
     norm_reward: bool = True
@@ -51,7 +51,7 @@ class Normalize(_Table):
 
 
 class Networks(_Table):
-    """The `policy_kwargs`: sizes of the hidden layers, their activation, and the size of the first actions' noise.
+    """The `policy_kwargs`: sizes of the hidden layers, their activation, and the size of the initial action noise.
 
     lstm_hidden_size: of the recurrent layer before them, by default 64.
     """
@@ -64,10 +64,11 @@ class Networks(_Table):
 
 
 class Imitation(_Table):
-    """A start from a controller: how many episodes it drives, and passes over what it did there.
+    """A start from a controller: number of episodes that it drives, and passes over these data.
 
-    noise: of an episode's offsets to its actions, the largest standard deviation.  hold: steps that one lasts.
-    value_steps: of the training, in which values alone are learnt; with poor ones, what was followed is soon forgotten.
+    noise: largest standard deviation of an episode's offsets to its actions.  hold: steps that an offset lasts.
+    value_steps: steps of the training in which only values are learnt; with poor values, the imitated actions are soon
+    forgotten.
     """
 
     controller: Literal["pid", "s_plane", "gpc"]
@@ -79,13 +80,13 @@ class Imitation(_Table):
 
 
 class Hyperparameters(_Table):
-    """Those of proximal policy optimisation (Schulman et al. 2017); names are those of stable-baselines3 and RL Zoo.
+    """Settings of proximal policy optimisation (Schulman et al. 2017), named as in stable-baselines3 and RL Zoo.
 
-    env_kwargs: options of the environment.  train_env_kwargs: further ones of the environments that it learns in, such
-    as shorter episodes; the policy is judged without these.  frame_stack: how many of the last observations the policy
-    sees at once.  action_scale: the actions that are 1 to the agent, one for all or one each, best about as large as
-    usual ones: noise and learning rates are in these units.  policy: with MlpLstmPolicy the agent is RecurrentPPO of
-    sb3-contrib.
+    env_kwargs: options of the environment.  train_env_kwargs: further ones for the training environments, such as
+    shorter episodes; the policy is judged without these.  frame_stack: number of latest observations that the policy
+    sees at once.
+    action_scale: the unit of the agent's actions, one for all or one each, best about as large as usual actions: noise
+    and learning rates are in these units.  policy: with MlpLstmPolicy the agent is RecurrentPPO of sb3-contrib.
     """
 
     n_timesteps: Count
@@ -120,14 +121,14 @@ class Hyperparameters(_Table):
 
     @property
     def normalizer(self) -> Normalize | None:
-        """What is normalised, if anything."""
+        """The normalisation settings, None without normalisation."""
         if isinstance(self.normalize, Normalize):
             return self.normalize
         return Normalize() if self.normalize else None
 
     @property
     def agent_settings(self) -> dict[str, Any]:
-        """The numbers and switches that PPO's constructor takes as they are, as far as they were given."""
+        """The explicitly given arguments that PPO's constructor takes unchanged."""
         return self.model_dump(exclude_unset=True, exclude=_OTHERS)
 
 
@@ -140,9 +141,9 @@ _SHIPPED = "ppo.yml"
 
 
 def hyperparameters_for(env: str, file: str | os.PathLike | None = None) -> Hyperparameters:
-    """The hyperparameters of an environment, from a file of the same form or from those that are shipped.
+    """The hyperparameters of an environment, from a file of the same form or from the shipped ones.
 
-    env: `auv_gym/Depth-v0` or `Depth-v0`.  Raises on an unknown key or value by its name, and where there are none.
+    env: `auv_gym/Depth-v0` or `Depth-v0`.  Raises on an unknown key or value by its name, and if there are none.
     """
     tables = _read(file)
     name = env.rpartition("/")[2]
@@ -156,7 +157,7 @@ def hyperparameters_for(env: str, file: str | os.PathLike | None = None) -> Hype
 
 
 def checked(values: Any, where: str = "hyperparameters") -> Hyperparameters:
-    """The hyperparameters of a mapping; raises with every key that is wrong."""
+    """The hyperparameters from a mapping; raises with every wrong key."""
     if not isinstance(values, dict):
         raise ValueError(f"{where}: needs keys and values, got {values!r}.")
     try:

@@ -1,4 +1,4 @@
-"""A start from what a controller does: its actions and returns are fitted before the agent learns by itself."""
+"""A start from a controller's behaviour: its actions and returns are fitted before the agent learns by itself."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from auv_gym.rl.settings import Training, make_env
 
 _BATCH = 512
 _RATE = 1e-3
-_SETTLED = 1e12  # observations, beside which those of a training do not count
-_DEPENDENT = 1e-6  # of the largest singular value: below it is the single precision of observations
-_HORIZONS = 2.0  # of the discount, before an episode's end: returns there lack too much of what was to come
+_SETTLED = 1e12  # number of observations, beside which those of a training are negligible
+_DEPENDENT = 1e-6  # of the largest singular value: smaller ones are below the single precision of observations
+_HORIZONS = 2.0  # horizons of the discount before an episode's end, where returns miss too many future rewards
 
 
 @dataclass(frozen=True, eq=False)
 class Demonstrations:
     """Observations (N, n), the controller's actions (N, m), rewards (N,), and the steps of each episode.
 
-    Rows of an episode follow one another.  terminated: whether it was cut, so that nothing was to come.
+    Rows of an episode are consecutive.  terminated: whether it ended early, so that no rewards would have followed.
     """
 
     observations: np.ndarray
@@ -42,7 +42,7 @@ class Demonstrations:
 
 
 def teacher_of(training: Training, imitation: Imitation) -> tuple[Any, Agent]:
-    """The environment of a training and the controller in it; raises where there is no such controller."""
+    """The environment of a training and the controller in it; raises if there is no such controller."""
     from controllers.piloting import pilot_for
 
     env = make_env(training.env, training.on, **training.learning_options)
@@ -50,9 +50,9 @@ def teacher_of(training: Training, imitation: Imitation) -> tuple[Any, Agent]:
 
 
 def imitate(agent: Any, training: Training, imitation: Imitation, progress: Callable[[float], Any]) -> None:
-    """Fit the actions and values of an agent of PPO that has not learnt yet.
+    """Fit the actions and values of an untrained PPO agent to demonstrations.
 
-    progress: called with the share that is done.
+    progress: called with the completed share.
     """
     env, pilot = teacher_of(training, imitation)
     rng = np.random.default_rng([training.seed, TRAINING])
@@ -62,19 +62,19 @@ def imitate(agent: Any, training: Training, imitation: Imitation, progress: Call
 
 
 def freeze_action_network(agent: Any, held: bool) -> None:
-    """Let an agent of PPO learn values alone, or both again."""
+    """Let a PPO agent learn only values, or both again."""
     policy = agent.policy
     acting = [*policy.mlp_extractor.policy_net.parameters(), *policy.action_net.parameters(), policy.log_std]
     for parameter in acting:
         parameter.requires_grad_(not held)
         if held:
-            parameter.grad = None  # else the last one would be followed further
+            parameter.grad = None  # else the last gradient would be applied again
 
 
 def demonstrate(
     pilot: Agent, env: Any, imitation: Imitation, seeds: list[int], rng: np.random.Generator, progress: Callable
 ) -> Demonstrations:
-    """What the pilot does in episodes with offsets added to its actions, so that it comes to where an agent may err."""
+    """Record the pilot in episodes, its actions offset so that it visits states where an agent may err."""
     observations, actions, rewards, lengths, ends = [], [], [], [], []
     for done, seed in enumerate(seeds):
         observation, info = env.reset(seed=seed)
@@ -98,7 +98,7 @@ def demonstrate(
 
 
 def returns_to_come(shown: Demonstrations, discount: float) -> np.ndarray:
-    """The discounted sum of rewards from each row on, (N,); NaN near an end that only time has set."""
+    """The discounted sum of rewards from each row on, (N,); NaN near an end set only by the time limit."""
     found = [_discounted(part[::-1], discount)[::-1] for part in shown.episodes(shown.rewards)]
     left_out = ceil(_HORIZONS / max(1.0 - discount, 1e-3))
     for part, terminated in zip(found, shown.terminated, strict=True):
@@ -137,7 +137,7 @@ def follow(agent: Any, shown: Demonstrations, passes: int, rng: np.random.Genera
             optimizer.zero_grad()
             loss.backward()
             optimizer.step()
-    if not len(policy.mlp_extractor.policy_net):  # gains alone: the best ones are known in closed form
+    if not len(policy.mlp_extractor.policy_net):  # a linear policy: the best gains are known in closed form
         known = np.column_stack([rows.numpy(), np.ones(len(rows))])
         *gains, offset = np.linalg.lstsq(known, wanted, rcond=_DEPENDENT)[0]
         with torch.no_grad():
@@ -146,24 +146,24 @@ def follow(agent: Any, shown: Demonstrations, passes: int, rng: np.random.Genera
 
 
 def _normalise(agent: Any, shown: Demonstrations) -> None:
-    """Let what scales observations and rewards know the demonstrations; the scaling of observations stays theirs."""
+    """Initialise the scaling of observations and rewards from the demonstrations, and fix that of the observations."""
     normalizer = agent.get_vec_normalize_env()
     if normalizer is None:
         return
     if normalizer.norm_obs:
         normalizer.obs_rms.update(shown.observations)
-        normalizer.obs_rms.count = _SETTLED  # another scaling would be another policy
+        normalizer.obs_rms.count = _SETTLED  # another scaling would change the policy
     if normalizer.norm_reward:
         running = [_discounted(part, agent.gamma) for part in shown.episodes(shown.rewards)]
         normalizer.ret_rms.update(np.concatenate(running))
 
 
 def _stacked(rows: np.ndarray, frames: int) -> np.ndarray:
-    """Each row of an episode behind those before it, as the agent sees them; 0 before the start."""
+    """Each row of an episode after the preceding ones, as the agent sees them; 0 before the start."""
     padded = np.concatenate([np.zeros_like(rows, shape=(frames - 1, rows.shape[1])), rows])
     return np.concatenate([padded[k : k + len(rows)] for k in range(frames)], axis=1)
 
 
 def _discounted(rewards: np.ndarray, discount: float) -> np.ndarray:
-    """The sum of each reward and those before it, each step back discounted once more."""
+    """The sum of each reward and the earlier ones, discounted once for each step back."""
     return np.asarray(lfilter([1.0], [1.0, -discount], rewards))

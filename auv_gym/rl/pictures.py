@@ -14,13 +14,13 @@ from auv_gym.writing import replacing
 SUFFIXES = (".png", ".gif")
 _STRIP, _COLUMNS = 8, 4
 _MOVING, _FRAME_MS = 120, 60
-_WIDTH = 640  # pixels, about, of a frame
+_WIDTH = 640  # approximate width of a frame, pixels
 
 
 def draw_episode(
     agent: Agent, env: Any, seed: int, path: Path, progress: Callable[[float], Any] | None = None
 ) -> list[float]:
-    """Draw one episode into a .png, 8 frames at even times, or a .gif; the times of the frames, s.
+    """Draw one episode into a .png, 8 frames at even times, or a .gif; return the times of the frames, s.
 
     env: made with render_mode "rgb_array".
     """
@@ -58,7 +58,7 @@ def draw_episode(
 
 
 def check_picture_name(path: Path) -> None:
-    """Raises unless pictures can be written to a file of this name."""
+    """Raise unless pictures can be written to a file of this name."""
     if path.suffix.lower() not in SUFFIXES:
         raise ValueError(f"A picture needs a name that ends in {' or '.join(SUFFIXES)}, got {path.name!r}.")
     if not path.parent.is_dir():
@@ -66,7 +66,7 @@ def check_picture_name(path: Path) -> None:
 
 
 def _length(agent: Agent, env: Any, seed: int) -> int:
-    """Steps of the episode, which is driven twice: it is not known before how long one lasts."""
+    """Steps of the episode, which is driven twice, since its length is not known beforehand."""
     observation, info = env.reset(seed=seed)
     act, steps, ended = agent.begin(env), 0, False
     while not ended:
@@ -76,7 +76,7 @@ def _length(agent: Agent, env: Any, seed: int) -> int:
 
 
 def _small(frame: np.ndarray) -> np.ndarray:
-    """Every second pixel and row, or fewer, of a large picture, by means over squares."""
+    """A large picture reduced to every second pixel and row, or fewer, by means over squares."""
     by = max(frame.shape[1] // _WIDTH, 1)
     height, width = (size // by * by for size in frame.shape[:2])
     squares = frame[:height, :width].reshape(height // by, by, width // by, by, 3)

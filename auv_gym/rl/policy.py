@@ -1,4 +1,4 @@
-"""A trained policy: what it saw scaled, and its network as plain arrays; needs numpy only."""
+"""A trained policy: scaling of its observations, and its network as plain arrays; needs numpy only."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 @dataclass(frozen=True, eq=False)
 class Scaling:
-    """Observations minus their mean over their standard deviation, within `clip`, as the training saw them."""
+    """Observations minus their mean, over their standard deviation, within `clip`, as in the training."""
 
     mean: np.ndarray
     variance: np.ndarray
@@ -51,8 +51,8 @@ class Policy:
 
     weights: of each layer, (outputs, inputs).  activation: between layers.  Actions beyond [-1, 1] are clipped.
     cell: of an LSTM before them, weights (4 h, inputs) and (4 h, h) and biases (4 h,), in PyTorch's order; () for none.
-    frames: how many observations the network sees at once, the last ones, oldest first; 0 before an episode's start.
-    scaling: of observations, or None.  settings: what `settings.json` says of the training.
+    frames: number of latest observations that the network sees at once, oldest first; 0 before an episode's start.
+    scaling: of observations, or None.  settings: content of the training's `settings.json`.
     """
 
     weights: tuple[np.ndarray, ...]
@@ -67,14 +67,14 @@ class Policy:
     def act(self, observation: np.ndarray) -> np.ndarray:
         """The action for one observation, shape (actions,), or for several, shape (n, actions); float32.
 
-        Raises for a policy that remembers earlier observations: such a one acts through an episode, see `begin`.
+        Raises for a policy that remembers earlier observations: use `begin` for an episode.
         """
         if self.frames > 1 or self.cell:
             raise ValueError("This policy remembers earlier observations: use what begin() returns for each episode.")
         return self._answer(self._seen(observation))
 
     def begin(self, env: Any = None) -> Callable[..., np.ndarray]:
-        """What acts through an episode: the action for each of its observations, see `auv_gym.rl.evaluation.Agent`."""
+        """A function that returns the action for each observation of an episode, see `auv_gym.rl.evaluation.Agent`."""
         frames = np.zeros((self.frames, self.observations), np.float32)
         hidden = kept = np.zeros(self.cell[1].shape[1] if self.cell else 0, np.float32)
 
@@ -92,11 +92,11 @@ class Policy:
 
     @property
     def observations(self) -> int:
-        """How many numbers an observation has."""
+        """Length of an observation."""
         return (self.cell or self.weights)[0].shape[1] // self.frames
 
     def _seen(self, observation: np.ndarray) -> np.ndarray:
-        """The observation as the network takes it; raises on one of another size."""
+        """The observation in the form of the network; raises if its size is wrong."""
         x = np.asarray(observation, dtype=np.float32)
         if x.shape[-1:] != (self.observations,):
             raise ValueError(
@@ -106,7 +106,7 @@ class Policy:
         return x if self.scaling is None else self.scaling(x)
 
     def _answer(self, x: np.ndarray) -> np.ndarray:
-        """What the layers make of scaled observations."""
+        """The output of the layers for scaled observations."""
         between = _ACTIVATIONS[self.activation]
         for weight, bias in zip(self.weights[:-1], self.biases[:-1]):
             x = between(x @ weight.T + bias)
@@ -114,7 +114,7 @@ class Policy:
 
     @classmethod
     def load(cls, folder: str | os.PathLike) -> Policy:
-        """The policy that `train` left in a folder; raises with what is wrong in it. Runs no code of the files."""
+        """The policy that `train` wrote to a folder; raises with any problem in it. No code in the files is run."""
         folder = Path(folder)
         settings = read_settings(folder)
         if not settings.get("complete"):
@@ -140,7 +140,7 @@ class Policy:
         return policy
 
     def save(self, folder: Path) -> None:
-        """Write network and scaling into a folder, whole or not at all; the settings are the training's to write."""
+        """Write network and scaling into a folder, as a whole or not at all; the training writes the settings."""
         layers = {f"weight_{i}": w for i, w in enumerate(self.weights)} | {
             f"bias_{i}": b for i, b in enumerate(self.biases)
         }
@@ -152,10 +152,10 @@ class Policy:
                 np.savez(file, mean=self.scaling.mean, variance=self.scaling.variance, clip=np.array(self.scaling.clip))
 
     def env(self, on: Any = TRUE, *, env: str | None = None, render_mode: str | None = None, **options: Any) -> Any:
-        """The environment that it was trained in, driven by the vehicle or by what is `on`.
+        """The environment of its training, driven by the vehicle or by `on`.
 
-        options: in place of those of the training.  env: another one; then no option of the training counts but the
-        vehicle.  Raises where its observations or actions are not the policy's.
+        options: replace those of the training.  env: another environment; then only the vehicle is kept of the
+        training's options.  Raises if its observations or actions differ from the policy's.
         """
         if self.folder is None:
             raise ValueError("This policy was not loaded from a folder, so its environment is not known: make it.")
@@ -166,7 +166,7 @@ class Policy:
             trained = {name: value for name, value in trained.items() if name == "vehicle"}
         if (
             not isinstance(on, str) or on != TRUE
-        ):  # effects of the vehicle end where another drives, those of sensors not
+        ):  # with another model, effects of the vehicle do not apply, but those of sensors do
             for name in ("effects", "randomise"):
                 kept = {path: v for path, v in trained.pop(name, {}).items() if path.startswith("effects.sampling.")}
                 trained |= {name: kept} if kept else {}
@@ -197,7 +197,7 @@ def _sigmoid(values: np.ndarray) -> np.ndarray:
 
 
 def read_settings(folder: Path) -> dict[str, Any]:
-    """What `settings.json` of a training's folder says; raises where it is none."""
+    """The content of `settings.json` in a training's folder; raises if there is none."""
     path = folder / SETTINGS
     if not path.is_file():
         raise ValueError(f"There is no {path}: give a folder that `auv-gym train` wrote.")

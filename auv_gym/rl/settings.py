@@ -1,4 +1,4 @@
-"""What a training depends on, the environments it is done in, and the file that says so."""
+"""The inputs of a training, its environments, and the file that records both."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ TRUE = "true"
 
 @dataclass(frozen=True)
 class Training:
-    """What a training depends on; with these, it is the same on the same machine and versions.
+    """The inputs of a training; with these, it is the same on the same machine and versions.
 
-    env: `auv_gym/Depth-v0` or `Depth-v0`.  on: "true" for the vehicle of the environment, else what drives it in the
-    vehicle's place, a Model or a model or vehicle file.  steps, envs, frames: in place of those of the hyperparameters.
-    recurrent: whether the policy has a recurrent layer; such a one does not begin from a controller.
+    env: `auv_gym/Depth-v0` or `Depth-v0`.  on: "true" for the vehicle of the environment, else what replaces it, a
+    Model or a model or vehicle file.  steps, envs, frames: replace those of the hyperparameters.
+    recurrent: whether the policy has a recurrent layer; such a policy cannot start from a controller.
     options: of the environment, such as {"vehicle": "npsauv", "effects": {...}, "randomise": {...}}.
-    hyperparameters: in place of the shipped ones.  evaluations: that many while training, each over `episodes`.
+    hyperparameters: replace the shipped ones.  evaluations: number during the training, each over `episodes`.
     """
 
     env: str
@@ -73,13 +73,13 @@ class Training:
 
     @property
     def chosen(self) -> Hyperparameters:
-        """The hyperparameters with `steps`, `envs`, `frames` and `recurrent` put into them."""
+        """The hyperparameters with `steps`, `envs`, `frames` and `recurrent` applied."""
         assert isinstance(self.hyperparameters, Hyperparameters)
         return self.hyperparameters
 
     @property
     def learning_options(self) -> dict[str, Any]:
-        """Options of the environments that it learns in."""
+        """Options of the training environments."""
         return {**self.chosen.train_env_kwargs, **self.options}
 
 
@@ -87,7 +87,7 @@ _INSTEAD = {"model": "give it as `on`", "render_mode": "pictures are drawn of th
 
 
 def full_env_id(env: str) -> str:
-    """The name that Gymnasium knows: `auv_gym/Depth-v0` for `Depth-v0` or `Depth`; raises on others."""
+    """The name registered in Gymnasium: `auv_gym/Depth-v0` for `Depth-v0` or `Depth`; raises on others."""
     known = list(gymnasium.registry)
     for name in (env, f"auv_gym/{env}", f"auv_gym/{env}-v0"):
         if name in known:
@@ -97,7 +97,7 @@ def full_env_id(env: str) -> str:
 
 
 def make_env(env: str, on: str | os.PathLike | Model = TRUE, render_mode: str | None = None, **options: Any) -> Any:
-    """A single environment, driven by its vehicle or by what is `on`; options are the environment's."""
+    """A single environment, driven by its vehicle or by `on`; options are the environment's."""
     if not isinstance(on, str) or on != TRUE:
         options = {**options, "model": on}
     given = {name: value for name, value in options.items() if value is not None}
@@ -112,7 +112,7 @@ def make_env(env: str, on: str | os.PathLike | Model = TRUE, render_mode: str | 
 
 
 def described(training: Training, folder: Path) -> dict[str, Any]:
-    """What `settings.json` says of a training, all but how it went; the files that it names are put into the folder."""
+    """The content of `settings.json` for a training, without its result; the named files are put into the folder."""
     env = make_env(training.env, training.on, **training.options)
     actions = env.action_space
     if not isinstance(actions, gymnasium.spaces.Box) or (actions.low != -1.0).any() or (actions.high != 1.0).any():
@@ -153,7 +153,7 @@ def _kept(model: Model, folder: Path, stem: str) -> dict[str, str]:
 
 
 def content_digest(path: Path) -> str:
-    """The hash of what a file holds; of a .npz, of its arrays, since the archive has the time of its writing."""
+    """The hash of a file's content; for a .npz, of its arrays, since the archive includes the time of writing."""
     import numpy as np
 
     found = sha256()
@@ -167,7 +167,7 @@ def content_digest(path: Path) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """The value as JSON has it."""
+    """The value in the form of JSON."""
     if isinstance(value, Mapping):
         return {str(name): _plain(one) for name, one in value.items()}
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""Training with stable-baselines3: learning curve on separate episodes, the best policy kept, resumed where stopped."""
+"""Training with stable-baselines3: learning curve on separate episodes, the best policy kept, resumable if stopped."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from auv_gym.rl.settings import SETTINGS, Training, described, make_env
 from auv_gym.writing import replacing, write_text
 
 POLICY = "policy.zip"
-_SHOWN_EVERY = 0.2  # s between two movements of the bar
+_SHOWN_EVERY = 0.2  # s between two updates of the progress bar
 _PACKAGES = ("numpy", "numba", "gymnasium", "stable-baselines3", "torch")
 
 Progress = Callable[[float, str], Any]
@@ -32,7 +32,7 @@ Progress = Callable[[float, str], Any]
 
 @dataclass(frozen=True)
 class Trained:
-    """What a training left: the policy, its folder, the learning curve row by row, and how it went."""
+    """The result of a training: the policy, its folder, the learning curve row by row, and a summary."""
 
     policy: Policy
     folder: Path
@@ -43,11 +43,11 @@ class Trained:
 def train(
     training: Training, out: str | os.PathLike, progress: Progress | None = None, *, tensorboard: bool = False
 ) -> Trained:
-    """The policy of a training, whose files are in the folder `out`; the same call goes on with one that was stopped.
+    """The policy of a training, whose files are in the folder `out`; the same call resumes one that was stopped.
 
-    progress: called with the share that is done and words.  tensorboard: also write its logs, to `out/tensorboard`.
-    Raises ValueError where the folder holds another training.  One that was stopped and goes on sees other episodes
-    from there than it would have seen; its result is as good, and not the same bit for bit.
+    progress: called with the completed share and a text.  tensorboard: also write its logs, to `out/tensorboard`.
+    Raises ValueError if the folder holds another training.  A resumed training sees other episodes than an
+    uninterrupted one; its result is as good, but not identical bit for bit.
     """
     with needs("Training needs stable-baselines3", "rl"):
         import stable_baselines3  # noqa: F401
@@ -57,7 +57,7 @@ def train(
     if imitation is not None:
         from auv_gym.rl.imitation import teacher_of
 
-        teacher_of(training, imitation)  # for its errors, before anything is written
+        teacher_of(training, imitation)  # raises its errors before anything is written
     folder = _made(out)
     settings = _begun(training, folder)
     if not settings["complete"]:
@@ -126,7 +126,7 @@ def _learn(training: Training, folder: Path, settings: dict[str, Any], progress:
 
 
 class _Watch:
-    """What is done while an algorithm learns: time is kept, the bar moves, and `judge` is called when it is due."""
+    """The callbacks while an algorithm learns: time is kept, the bar moves, and `judge` is called when it is due."""
 
     def __init__(
         self, agent: Any, steps: int, evaluations: int, checkpoint: Checkpoint, clock: Any, progress: Progress
@@ -152,7 +152,7 @@ class _Watch:
         }
 
     def due(self) -> bool:
-        """Whether the policy should be judged now; also before the first step."""
+        """Whether the policy should be judged now, also before the first step."""
         curve, steps = self.checkpoint.curve, self.agent.num_timesteps
         return not curve or (steps < self.steps and steps // self.every > curve[-1]["steps"] // self.every)
 
@@ -176,7 +176,7 @@ class _Watch:
         watch = self
 
         class Callback(BaseCallback):
-            def _on_rollout_start(self) -> None:  # the policy of all steps so far, and nothing under way
+            def _on_rollout_start(self) -> None:  # policy of all steps so far, no rollout in progress
                 watch.begun()
                 if watch.due():
                     watch.judge()
@@ -190,8 +190,8 @@ class _Watch:
 
 
 def _begun(training: Training, folder: Path) -> dict[str, Any]:
-    """What the settings of a training say: those in the folder if it is the same, else new ones, written."""
-    with TemporaryDirectory() as aside:  # nothing of another training in the folder is written over
+    """The settings of a training: those in the folder if they are the same, else new ones, which are written."""
+    with TemporaryDirectory() as aside:  # files of another training in the folder are not overwritten
         wanted = json.loads(json.dumps(described(training, Path(aside))))
         if not (folder / SETTINGS).is_file():
             for kept in wanted["files"].values():
