@@ -1,4 +1,4 @@
-"""Programs over the three packages: benchmarks, published results reproduced, studies, and what maintainers run.
+"""Programs over the three packages: benchmarks, reproductions of published results, studies, and maintenance.
 
 Run one with `python -m scripts.NAME`, or `python -m scripts.FOLDER.NAME`.
 """

@@ -15,7 +15,7 @@ from rich.table import Table
 
 from scripts.benchmarks import env, gpc, identification, kernel, recursion, rl, rollout
 
-# by command: what measures (`add_arguments`, `measure`, and `show` if its numbers are no plain list), and words
+# by command: the module (`add_arguments`, `measure`, and `show` if its numbers are no plain list), and a description
 COMMANDS: dict[str, tuple[ModuleType, str]] = {
     "rollout": (rollout, "free runs of a plant, compiled against plain Python"),
     "env": (env, "environments, one and many, beside others, and their start"),

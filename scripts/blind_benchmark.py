@@ -33,9 +33,9 @@ _ROOT = Path(__file__).resolve().parents[1]
 def chosen(
     seed: int, cases: int, kinds: Sequence[str] | None, families: Sequence[str] | None, first: int = 0
 ) -> list[Case]:
-    """The first so many cases of a seed, from number `first` on, that are of these kinds and families.
+    """The first `cases` cases of a seed, from number `first` on, that are of these kinds and families.
 
-    Of families that are not drawn by themselves, the cases go round.
+    Families that are not drawn by default are used in rotation.
     """
     asked = [name for name in families or () if not FAMILIES[name].drawn]
     found, number = [], first
@@ -48,9 +48,9 @@ def chosen(
 
 
 def run_case(case: Case, out: Path, timeout: float = TIMEOUT) -> dict[str, Any]:
-    """The score of a case: drawn and sealed, diagnosed by a process that gets the log's folder alone, then scored.
+    """The score of a case: drawn and sealed, diagnosed by a process that gets only the log's folder, then scored.
 
-    What is in the folders already is not made again.
+    Existing files in the folders are reused.
     """
     log, truth = log_folder(out, case.number), truth_folder(out, case.number)
     if not (truth / "truth.json").exists():
@@ -63,7 +63,7 @@ def run_case(case: Case, out: Path, timeout: float = TIMEOUT) -> dict[str, Any]:
 
 
 def _diagnose(log: Path, timeout: float) -> str:
-    """Runs the process; why there is no diagnosis, or ""."""
+    """Run the process; return why there is no diagnosis, or ""."""
     command = [sys.executable, "-m", "scripts.blind.diagnosing", str(log.resolve())]
     try:
         done = subprocess.run(command, cwd=_ROOT, timeout=timeout, capture_output=True, text=True, check=False)
@@ -76,9 +76,9 @@ def _diagnose(log: Path, timeout: float) -> str:
 
 
 def run(cases: Sequence[Case], out: Path, jobs: int = 1, timeout: float = TIMEOUT) -> list[dict[str, Any]]:
-    """The scores of these cases, in their order; each is kept in `out` as soon as it is there.
+    """The scores of these cases, in their order; each is stored in `out` as soon as it is ready.
 
-    A case that cannot be drawn is left out, and said.
+    A case that cannot be drawn is left out with a message.
     """
     scores = []
     for found in results_of(_kept_score, [(case, out, timeout) for case in cases], jobs, "cases"):

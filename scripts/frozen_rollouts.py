@@ -42,9 +42,9 @@ from identification.experiments.hovering import Unsteered
 
 FOLDER = Path(__file__).parents[1] / "tests" / "frozen"
 TOLERANCE = 1e-10  # of a channel's range
-DURATION, SAMPLES = 60.0, 60  # s, and samples, of a rollout: the longer counts; so many intervals of it are stored
+DURATION, SAMPLES = 60.0, 60  # s, and samples, of a rollout: the longer counts; SAMPLES intervals of it are stored
 HOLD = 5  # samples between the edges of the first input's square wave; each further input's takes 2 more
-# set points by channel: where the vehicle begins, and where it is sent in the middle third of the run
+# set points by channel: at the beginning, and in the middle third of the run
 STEPS: Mapping[str, tuple[float, float]] = {
     "depth_m": (20.0, 21.0),
     "heading_rad": (0.2, 0.6),
@@ -70,7 +70,7 @@ SWINGS: Mapping[str, float] = {
     "kg/m4": 0.001,
 }
 
-# of inputs whose wave is as long as it was when every vehicle had an input for bow planes
+# inputs whose wave keeps its length from when every vehicle had an input for bow planes
 PLACES: Mapping[str, int] = {"propeller_rpm": 3, "propeller_V": 3, "speed_cmd_mps": 3}
 
 
@@ -98,7 +98,7 @@ class Rollout:
 
 @dataclass(frozen=True, eq=False)
 class Stored:
-    """What was stored of a rollout: hashes by channel, and the samples kept, shape (samples, channels)."""
+    """A stored rollout: hashes by channel, and the samples kept, shape (samples, channels)."""
 
     hashes: Mapping[str, str]
     kept: np.ndarray
@@ -106,7 +106,7 @@ class Stored:
 
 @dataclass(frozen=True)
 class Difference:
-    """How a channel differs from the stored one: in bits, and over the stored range; inf where one is absent."""
+    """The difference of a channel from the stored one: in bits, and over the stored range; inf if one is absent."""
 
     channel: str
     same_bits: bool
@@ -187,13 +187,13 @@ def roll_out(plant: Plant) -> Rollout:
 
 
 def _controller(plant: Plant) -> Controller:
-    """The vehicle's autopilot; for one that no autopilot moves, what leaves all commands at rest."""
+    """The vehicle's autopilot; for a vehicle without one, a controller that leaves all commands at rest."""
     body = plant.family.body
     return autopilot(plant) if body is None or body.piloted else Unsteered({})
 
 
 def write(rollouts: Sequence[Rollout], folder: Path) -> None:
-    """Store rollouts: arrays in rollouts.npz, hashes and what they were made with in rollouts.json."""
+    """Store rollouts: arrays in rollouts.npz, hashes and versions in rollouts.json."""
     folder.mkdir(parents=True, exist_ok=True)
     arrays: dict[str, Any] = {r.vehicle: r.kept for r in rollouts}
     with replacing(folder / "rollouts.npz") as new, new.open("wb") as file:
@@ -203,7 +203,7 @@ def write(rollouts: Sequence[Rollout], folder: Path) -> None:
 
 
 def read(folder: Path = FOLDER) -> tuple[dict[str, Stored], dict[str, str]]:
-    """Stored rollouts by vehicle, and what they were made with."""
+    """Stored rollouts by vehicle, and the versions that they were made with."""
     if not (folder / "rollouts.json").is_file():
         raise ValueError(f"No rollouts are stored in {folder}: store today's with --write, or give another --folder.")
     index = json.loads((folder / "rollouts.json").read_text(encoding="utf-8"))
@@ -213,7 +213,7 @@ def read(folder: Path = FOLDER) -> tuple[dict[str, Stored], dict[str, str]]:
 
 
 def compared(rollouts: Sequence[Rollout], folder: Path) -> tuple[dict[str, list[Difference]], dict[str, str]]:
-    """Differences from what is stored, by vehicle, and what that was made with. Raises where the vehicles differ."""
+    """Differences from the stored rollouts, by vehicle, and the versions of these. Raises if the vehicles differ."""
     stored, made_with = read(folder)
     now, then = {r.vehicle for r in rollouts}, set(stored)
     if now != then:
@@ -225,7 +225,7 @@ def compared(rollouts: Sequence[Rollout], folder: Path) -> tuple[dict[str, list[
 
 
 def differences(rollout: Rollout, stored: Stored) -> list[Difference]:
-    """How each channel, stored or present, differs from the stored one."""
+    """The difference of each channel, stored or present, from the stored one."""
     before = dict(zip(stored.hashes, stored.kept.T, strict=True))
     now = dict(zip(rollout.channels, rollout.kept.T, strict=True))
     hashes = rollout.hashes()
@@ -236,7 +236,7 @@ def differences(rollout: Rollout, stored: Stored) -> list[Difference]:
 
 
 def versions() -> dict[str, str]:
-    """What a rollout's bits depend on."""
+    """The versions on which a rollout's bits depend."""
     packages = {name: version(name) for name in ("numpy", "numba", "llvmlite")}
     return {"python": platform.python_version(), **packages, "machine": platform.machine(), "compiled": str(JIT)}
 
@@ -248,7 +248,7 @@ def _step(name: str) -> tuple[float, float]:
 
 
 def _wave(name: str, index: int, time: np.ndarray) -> np.ndarray:
-    """What is added to an input: a square wave, which every machine makes the same; the time to a clock."""
+    """The addition to an input: a square wave, which is the same on every machine; for a clock, the time."""
     unit = channel(name).unit
     if unit == "s":
         return time
@@ -259,7 +259,7 @@ def _wave(name: str, index: int, time: np.ndarray) -> np.ndarray:
 
 
 def _relative(values: np.ndarray | None, stored: np.ndarray | None) -> float:
-    """The largest difference over the stored range; of a constant channel, over its size, or 1 for zero."""
+    """The largest difference over the stored range; for a constant channel, over its size, or 1 for zero."""
     if values is None or stored is None or values.shape != stored.shape:
         return inf
     span = float(np.ptp(stored)) or float(np.abs(stored).max()) or 1.0

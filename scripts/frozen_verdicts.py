@@ -26,14 +26,14 @@ from scripts.blind.diagnosing import diagnose_folder
 from scripts.blind.scoring import score
 from scripts.studies.runs import Failure, read_json, results_of, write_json
 
-MOVED = 0.1  # of a size's 95 % interval, beyond which it counts as another
+MOVED = 0.1  # share of a size's 95 % interval beyond which it counts as changed
 
 
 @dataclass(frozen=True)
 class Change:
     """A case before and now.
 
-    changes: in words, empty where nothing has changed.  right: before and now, None where the truth is not at hand.
+    changes: in words, empty if nothing has changed.  right: before and now, None if the truth is not available.
     """
 
     case: str
@@ -45,7 +45,7 @@ class Change:
 
 
 def brief(said: Mapping[str, Any]) -> dict[str, Any]:
-    """What is compared of a diagnosis, given as its JSON: the verdict, effects with their intervals, and ties."""
+    """The compared content of a diagnosis, given as its JSON: the verdict, effects with their intervals, and ties."""
     return {
         "verdict": said["verdict"],
         "effects": {e["path"]: [e["value"], *e["ci95"]] for e in said.get("effects", ())},
@@ -59,7 +59,7 @@ def brief(said: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def renamed(told: Any) -> Any:
-    """What was stored, with the paths that parameters have now."""
+    """A stored brief with the present paths of parameters."""
     if isinstance(told, Mapping):
         return {current_torpedo_path(key): renamed(value) for key, value in told.items()}
     if isinstance(told, list):
@@ -68,7 +68,7 @@ def renamed(told: Any) -> Any:
 
 
 def changes_of(before: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[str, ...]:
-    """What differs between two briefs, in words."""
+    """The differences between two briefs, in words."""
     found = []
     if before["verdict"] != now["verdict"]:
         found.append(f"{before['verdict']} -> {now['verdict']}")
@@ -88,7 +88,7 @@ def changes_of(before: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[str, 
 
 
 def compare(folder: Path, case: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> Change:
-    """The change of one case, with who is right where its truth is at hand."""
+    """The change of one case, with the correctness of both verdicts if its truth is available."""
     sealed, right = folder / "truth" / case / "truth.json", None
     if sealed.exists():
         truth = renamed(read_json(sealed))
@@ -101,7 +101,7 @@ def compare(folder: Path, case: str, before: Mapping[str, Any], now: Mapping[str
 
 
 def run(folder: Path, cases: Sequence[str], out: Path, jobs: int) -> dict[str, dict[str, Any]]:
-    """The brief of each case's diagnosis by today's code; each is kept in `out` as soon as it is there."""
+    """The brief of each case's diagnosis by today's code; each is stored in `out` as soon as it is ready."""
     kept = [out / f"{case}.json" for case in cases]
     found = dict(zip(cases, results_of(_brief_of, [(folder / case,) for case in cases], jobs, "cases", kept)))
     for case, result in found.items():
@@ -115,7 +115,7 @@ def _brief_of(folder: Path) -> dict[str, Any]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Diagnose the cases and print what has changed; 1 if anything has."""
+    """Diagnose the cases and print the changes; return 1 if there are any."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("folder", type=Path, help="of the frozen cases")
     parser.add_argument("--out", type=Path, required=True, help="folder that keeps what was diagnosed")

@@ -29,14 +29,14 @@ TREE = Path(__file__).parents[1]
 LEFT_BEHIND = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "site", "shared", "demo-output")
 LIST = Path(__file__).with_suffix(".toml")
 WIDTH = 210  # columns that the table needs
-# slow tests, too, in one process, up to the first that fails
+# slow tests, too, in one process, up to the first failure
 OPTIONS = ("-m", "", "-n", "0", "-x", "-q", "-rfE", "-p", "no:cacheprovider")
-LIMIT = 900  # s that the tests of one mutant may take; the first of all compile
+LIMIT = 900  # s for the tests of one mutant; those of the first one compile
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """A change that a test must notice: in a file, one text replaced by another.  test: the file or test that shall."""
+    """A change that a test must notice: in a file, one text replaced by another.  test: the one that must fail."""
 
     name: str
     file: str
@@ -47,14 +47,14 @@ class Mutant:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Which test noticed a mutant first, or "" if it survived."""
+    """The first test that noticed a mutant, or "" if it survived."""
 
     mutant: Mutant
     killed_by: str
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the mutants, print the table; 1 if any survives."""
+    """Run the mutants and print the table; return 1 if any survives."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--only", action="append", metavar="NAME", help="this mutant; may be given several times")
     given = parser.parse_args(argv)
@@ -84,9 +84,10 @@ def listed(file: Path) -> list[Mutant]:
 
 
 def study(tree: Path, mutants: Sequence[Mutant], told: Callable[[str], None]) -> list[Outcome]:
-    """What becomes of each mutant of a tree; told: of the progress.
+    """The outcome of each mutant of a tree; told: called with the progress.
 
-    Raises ValueError where a text is not there exactly once, a mutant is no Python, or a test fails without any mutant.
+    Raises ValueError if a text does not occur exactly once, a mutant is not valid Python, or a test fails without any
+    mutant.
     """
     changed = [mutated(tree, m) for m in mutants]
     outcomes = []
@@ -105,7 +106,7 @@ def study(tree: Path, mutants: Sequence[Mutant], told: Callable[[str], None]) ->
 
 
 def mutated(tree: Path, mutant: Mutant) -> str:
-    """The text of the mutant's file with its change; raises ValueError where that cannot be made."""
+    """The text of the mutant's file with its change; raises ValueError if that cannot be made."""
     text = (tree / mutant.file).read_text(encoding="utf-8")
     count = text.count(mutant.old)
     if count != 1:
@@ -123,7 +124,7 @@ def mutated(tree: Path, mutant: Mutant) -> str:
 
 @contextmanager
 def replaced(file: Path, text: str) -> Iterator[None]:
-    """A file with another text, until the end of the block."""
+    """Give a file another text until the end of the block."""
     before = file.read_text(encoding="utf-8")
     file.write_text(text, encoding="utf-8")
     try:
@@ -133,8 +134,8 @@ def replaced(file: Path, text: str) -> Iterator[None]:
 
 
 def first_failure(tree: Path, tests: Sequence[str]) -> str:
-    """The first of the tests that fails in a tree, or "" if none does; raises ValueError where they cannot be run."""
-    # no compiled modules are left: of a text of the same length, written in the same second, the old one would be run
+    """The first of the tests that fails in a tree, or "" if none does; raises ValueError if they cannot be run."""
+    # no bytecode is written: for a text of the same length and the same second, the old bytecode would be run
     settings = {**os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
     command = [sys.executable, "-m", "pytest", *OPTIONS, *tests]
     done = subprocess.run(command, cwd=tree, env=settings, capture_output=True, text=True, timeout=LIMIT, check=False)

@@ -15,7 +15,7 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
 def notebook_of(script: Path) -> str:
-    """The script as a notebook, the same text for the same script."""
+    """The script as a notebook, identical for the same script."""
     import jupytext
 
     book = jupytext.reads(script.read_text(), fmt="py:percent")

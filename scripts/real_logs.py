@@ -31,7 +31,7 @@ PICTURE = "real_logs.png"
 
 
 def result_of(log: Log, places: Places) -> dict:
-    """The result of a log as plain data; raises ValueError where there is none."""
+    """The result of a log as plain data; raises ValueError if there is none."""
     return log.run(log, places)
 
 

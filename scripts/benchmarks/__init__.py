@@ -1,1 +1,1 @@
-"""Benchmarks, which `scripts.benchmark` runs, and the systems and packages that they compare."""
+"""Benchmarks, run by `scripts.benchmark`, and the systems and packages that they compare."""

@@ -39,7 +39,7 @@ prange: Any
 
 
 def _advance_all(rows, inputs, ages, longest_step, derived):
-    """One sample of every row of full states, on all cores: the physics and nothing else."""
+    """Advance every row of full states by one sample, on all cores, with nothing but the physics."""
     for i in prange(rows.shape[0]):
         vehicle_step(rows[i], inputs[i], ages, longest_step, derived, np.empty(WORK))
 
@@ -55,8 +55,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def measure(arguments: argparse.Namespace) -> dict[str, float]:
     """Rates of the environments and of others in the same run, and the times of a first step.
 
-    Every round runs everything once, one after the other, and each quantity's best round counts, so that all saw the
-    same machine.
+    Every round runs everything once, one after the other, and each quantity's best round counts, so that all are
+    measured under the same conditions.
     """
     if arguments.envs < 1 or arguments.rounds < 1:
         raise ValueError(f"--envs and --rounds need 1 or more, got {arguments.envs} and {arguments.rounds}.")
@@ -113,7 +113,7 @@ def measure(arguments: argparse.Namespace) -> dict[str, float]:
 
 
 def start_times(vehicle: str) -> dict[str, float]:
-    """Seconds from a new process to its first step: nothing compiled, then again, then two workers at once."""
+    """Seconds from a new process to its first step: with nothing compiled, then again, then two workers at once."""
     with tempfile.TemporaryDirectory() as cache:
         cold = _Start(vehicle, cache).wait_for()
         warm = min(_Start(vehicle, cache).wait_for() for _ in range(3))
@@ -123,7 +123,7 @@ def start_times(vehicle: str) -> dict[str, float]:
 
 
 class _Start:
-    """A process that makes an environment and steps it once; `wait_for` gives its seconds of import, make and step."""
+    """A process that makes and steps an environment once; `wait_for` returns its import, make and step times, s."""
 
     def __init__(self, vehicle: str, cache: str):
         code = (
@@ -192,7 +192,7 @@ def _bare(plant: Plant, count: int) -> tuple[Callable[[], object], int]:
 
 
 def _peer() -> tuple[Callable[[], object], int] | None:
-    """PythonVehicleSimulator's remus100, one Euler step of its `dynamics`, where the package is installed."""
+    """PythonVehicleSimulator's remus100, one Euler step of its `dynamics`, if the package is installed."""
     try:
         remus100 = importlib.import_module("python_vehicle_simulator.vehicles").remus100
     except ImportError:

@@ -25,7 +25,7 @@ from controllers.predictive.gpc import Gpc
 from controllers.predictive.program import Program, solver
 
 _HOLD = 40  # samples between steps of the target
-_COMPARED = 20  # programs that the slower solver gets too
+_COMPARED = 20  # programs that the slower solver solves, too
 
 
 _TIMED = {"step": "one step", "program": "its program, DAQP", "other": "its program, SLSQP"}
@@ -50,7 +50,7 @@ def measure(arguments: argparse.Namespace) -> dict[str, float]:
     if arguments.steps < 1:
         raise ValueError(f"--steps needs 1 or more, got {arguments.steps}.")
     solver()
-    timings(min(arguments.steps, 100))  # caches of the processor and of numpy
+    timings(min(arguments.steps, 100))  # warms the caches of the processor and of numpy
     found = timings(arguments.steps)
     numbers = {}
     for name in _TIMED:
@@ -60,7 +60,7 @@ def measure(arguments: argparse.Namespace) -> dict[str, float]:
 
 
 def timings(steps: int) -> Timing:
-    """Timings of a run of so many steps in closed loop with the model itself."""
+    """Timings of a run of `steps` samples in closed loop with the model itself."""
     model = linearise(load_vehicle("npsauv"), outputs=("depth_m", "pitch_rad"), dt=1.0)
     gpc = Gpc(
         model,
@@ -115,7 +115,7 @@ def by_slsqp(program: Program, s: np.ndarray) -> np.ndarray:
 
 
 def show(numbers: Mapping[str, float]) -> None:
-    """Print the times, and how far the two solvers are apart."""
+    """Print the times, and the difference between the two solvers."""
     table = Table("", "median, us", "99 %, us")
     for name, words in _TIMED.items():
         table.add_row(words, f"{numbers[f'{name}_us']:.0f}", f"{numbers[f'{name}_us_99']:.0f}")

@@ -25,7 +25,7 @@ def learned(plant: Plant, machine: KernelMachine) -> Plant:
 
 
 def hybrid_rows(plant: Plant, full: KernelMachine, small: KernelMachine) -> list[dict[str, Any]]:
-    """us of a step of single and vector environments by what gives the hull's forces."""
+    """Time of a step, us, of single and vector environments by the source of the hull's forces."""
     whole, part = len(full.support), len(small.support)
     plants = {
         "coefficients, 5 RK4 steps a sample": plant,
@@ -51,7 +51,7 @@ def _single(plant: Plant) -> float:
 
 
 def _many(plant: Plant) -> float:
-    """Of one environment among many, on all cores."""
+    """Time of a step of one environment among many, on all cores."""
     env = TaskVectorEnv(TASK, MANY, plant, duration=plant.dt * 2 * STEPS)
     actions = np.zeros(env.action_space.shape or (), dtype=np.float32)
     env.reset(seed=0)

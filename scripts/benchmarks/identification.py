@@ -40,7 +40,7 @@ ERRORS = {
 }
 _QUANTITIES = {"ms": "ms", "fit_percent": "fit, %"}
 _FORMS = {"ms": "{:.1f}", "fit_percent": "{:.2f}"}
-_TIE = 0.01  # of a median, by which another package must be better to count as ahead
+_TIE = 0.01  # relative difference of medians from which another package counts as ahead
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -102,10 +102,10 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def leads(system: str, rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Each quantity in which a peer's method is ahead of the best of ours of the same kind, over the same records.
+    """The quantities in which a peer's method is ahead of the best of ours of the same kind, over the same records.
 
-    ahead_on: on how many of them.  Accuracy is compared over all kinds together too, as "any kind"; time is not, as the
-    least accurate methods are the fastest.
+    ahead_on: on how many of them.  Accuracy is also compared over all kinds together, as "any kind"; time is not, since
+    the least accurate methods are the fastest.
     """
     found = []
     for kind in ("any kind", *dict.fromkeys(row["kind"] for row in rows)):
@@ -143,18 +143,18 @@ def leads(system: str, rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]
 
 
 def columns(system: str, rows: Sequence[Mapping[str, Any]]) -> list[tuple[str, int]]:
-    """Quantity and length of record of each column of a system's table."""
+    """Quantity and record length of each column of a system's table."""
     lengths = {int(samples) for row in rows for samples in row["by_samples"]}
     return [(quantity, n) for quantity in (*_QUANTITIES, *ERRORS[system]) for n in sorted(lengths)]
 
 
 def values(row: Mapping[str, Any], column: tuple[str, int]) -> np.ndarray:
-    """What a row has in a column, of every record from the first on."""
+    """The values of a row in a column, one for each record, from the first on."""
     return np.array(row["by_samples"].get(str(column[1]), {}).get(column[0], []))
 
 
 def loss(found: np.ndarray, column: tuple[str, int]) -> float:
-    """The median of what a column holds, as a number that is the smaller the better; a fit as what it lacks to 100."""
+    """The median of a column's values, as a number that should be small; for a fit, its difference from 100."""
     return float(np.median(100.0 - found if column[0] == "fit_percent" else found))
 
 
@@ -185,7 +185,7 @@ def show(numbers: Mapping[str, Any]) -> None:
 
 
 def write_jobs(folder: Path, lengths: Sequence[int], seeds: int, budget_s: float) -> None:
-    """Write what runners read: the settings, and the arrays of every record."""
+    """Write the input of the runners: the settings, and the arrays of every record."""
     jobs = {"samples": lengths, "seeds": seeds, "budget_s": budget_s}
     (folder / "jobs.json").write_text(json.dumps(jobs), encoding="utf-8")
     for system in SYSTEMS:
@@ -222,7 +222,7 @@ def _rows(peer: Peer, system: str, lines: Sequence[Mapping[str, Any]]) -> list[d
 
 
 def score(system: str, model: Mapping[str, Any], seed: int) -> dict[str, float]:
-    """How far a model is from the truth, and how well it runs on fresh data from rest, for whichever package."""
+    """The error of a model against the truth, and its fit on fresh data from rest, for any package."""
     fresh = clean(system, FRESH_SAMPLES, seed)
     offset_u, offset_y = (np.asarray(model.get(key, 0.0)) for key in ("offset_u", "offset_y"))
     if system == "armax":
@@ -265,7 +265,7 @@ def _table(system: str, rows: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def _cell(row: Mapping[str, Any], among: Sequence[Mapping[str, Any]], column: tuple[str, int]) -> str:
-    """A row's median, marked where it is the best of those over as many records."""
+    """A row's median, marked if it is the best of those over as many records."""
     found = values(row, column)
     if not found.size:
         return "-"

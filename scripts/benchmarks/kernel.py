@@ -45,7 +45,7 @@ SIZES = (50, 100, 256, 500, 1000)
 
 @dataclass(frozen=True)
 class Section:
-    """A table of the benchmark: its name, its title, the rows that are measured, and what its columns show.
+    """A table of the benchmark: its name, its title, the measured rows, and its columns.
 
     measure: arguments to rows.  columns: key of a row to heading and format.
     """
@@ -124,7 +124,7 @@ def forces(velocities: np.ndarray) -> np.ndarray:
 
 
 def samples(count: int, seed: int) -> dict[str, np.ndarray]:
-    """x and y with noise to learn from, fresh_x and fresh_y without to be judged on."""
+    """Noisy x and y to learn from, and noise-free fresh_x and fresh_y to judge by."""
     rng = np.random.default_rng(seed)
     x, fresh = (MIDDLE + SPREADS * rng.normal(size=(n, 6)) for n in (count, FRESH))
     y = forces(x)
@@ -133,7 +133,7 @@ def samples(count: int, seed: int) -> dict[str, np.ndarray]:
 
 
 def _beside_others(section: str, count: Callable[[argparse.Namespace], int]) -> Callable[..., list[dict[str, Any]]]:
-    """A measurement of a section by every package that is there, each in a process of its own."""
+    """A measurement of a section by every available package, each in a process of its own."""
 
     def measured(arguments: argparse.Namespace) -> list[dict[str, Any]]:
         jobs = {"section": section, "penalty": PENALTY, "sigma": SIGMA, "size": arguments.size, **GRID}
@@ -181,11 +181,11 @@ def _sizes(arguments: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def _hybrid(arguments: argparse.Namespace) -> list[dict[str, Any]]:
-    """Steps of environments with machines of the hull, learned without noise, so that they fly as the vehicle does."""
+    """Steps of environments with hull machines learned without noise, so that they move as the vehicle does."""
     data = samples(arguments.samples, 0)
     full = LsSvmRegression(FLYING_PENALTY, FLYING_SIGMA).fit(data["x"], forces(data["x"]))
     small = FixedSize(FLYING_PENALTY, FLYING_SIGMA, arguments.size).fit(data["x"], forces(data["x"]))
-    # the machines learn the given hull's forces, which C(v)v + D(v)v has the other sign of
+    # the machines learn the given hull's forces, which are minus C(v)v + D(v)v
     machines = [replace(one, coefficients=-one.coefficients, bias=-one.bias) for one in (full, small)]
     return hybrid_rows(load_vehicle(VEHICLE), *machines)
 
@@ -211,7 +211,7 @@ _SIZE = {
     "farthest": ("over the full machine's, farthest>", "{:.3f}"),
     "entropy": ("entropy>", "{:.3f}"),
 }
-# What the benchmark measures, in this order: another table is another entry.
+# The tables of the benchmark, in this order: add an entry for another table.
 SECTIONS: Sequence[Section] = (
     Section("machines", "Fit and prediction", _beside_others("machines", lambda a: a.samples), _MACHINE),
     Section("tuning", "Tuning and fit", _beside_others("tuning", lambda a: a.samples), {**_MACHINE, **_TUNED}),

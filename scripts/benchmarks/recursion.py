@@ -16,7 +16,7 @@ from scripts.benchmarks.rollout import in_plain_python
 from scripts.reproduce.float.consistency import diving_form, long_dive
 
 METHODS = {"rwls": Rwls(), "ivls": Ivls(), "corrected_ivls": CorrectedIvls()}
-# `fit` goes over the record so often; the corrected one once by least squares, and then with its instrument
+# number of passes of `fit` over the record; the corrected one starts with a pass of least squares
 PASSES = {"rwls": 1, "ivls": 1, "corrected_ivls": 1 + METHODS["corrected_ivls"].passes}
 RATED = "rwls_updates_per_s"
 
@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def measure(arguments: argparse.Namespace) -> dict[str, float]:
-    """Updates per second by `fit`, all that it does included, and by `update`, and the ratio to plain Python."""
+    """Updates per second by `fit`, with all that it does, and by `update`, and the ratio to plain Python."""
     if arguments.samples < 100 or arguments.repeats < 1:
         raise ValueError(
             f"--samples needs 100 or more and --repeats 1 or more, got {arguments.samples} and {arguments.repeats}."
@@ -42,9 +42,9 @@ def measure(arguments: argparse.Namespace) -> dict[str, float]:
 
 
 def _rates(samples: int, repeats: int) -> dict[str, float]:
-    """Every round runs each method once."""
+    """Rates of each method; every round runs each method once."""
     plant, rng = load_vehicle("qiandao_float"), np.random.default_rng(0)
-    # without noise, on which the printed IVLS could end early
+    # without noise, since the printed IVLS might end early with it
     record = long_dive(plant, diving_form(plant), samples, 0.0, rng, feedback=False)
     short = record.select(np.arange(len(record)) < 5000)
     over, single = dict.fromkeys(METHODS, 0.0), dict.fromkeys(METHODS, 0.0)

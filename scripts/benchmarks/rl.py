@@ -14,7 +14,7 @@ from auv_gym.rl import Training
 
 TASK, PEER = "auv_gym/Depth-v0", "Pendulum-v1"
 COUNTS, PEER_COUNT = (8, 64), 8
-# one agent for all: as in RL Zoo's entry of the pendulum but for the size of the nets; as many steps an update for all
+# one agent for all, as in RL Zoo's entry of the pendulum except for the network size, with as many steps an update
 AGENT: dict[str, Any] = {
     "batch_size": 512,
     "n_epochs": 10,
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def measure(arguments: argparse.Namespace) -> dict[str, float]:
-    """Steps a second of PPO, the share of the time that the environments take, and ratios; one core.
+    """Steps per second of PPO, the share of the time that the environments take, and ratios; on one core.
 
     Every round runs everything once, one after the other, and each quantity's best round counts.
     """

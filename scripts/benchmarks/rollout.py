@@ -53,7 +53,7 @@ def measure(arguments: argparse.Namespace) -> dict[str, float]:
 
 
 def in_plain_python(*command: str) -> dict[str, float]:
-    """What a command of `scripts.benchmark` measures alone, in a process of its own with nothing compiled."""
+    """The results of a command of `scripts.benchmark`, in a process of its own with nothing compiled."""
     done = subprocess.run(
         [sys.executable, "-m", "scripts.benchmark", *command, "--alone", "--json"],
         env={**os.environ, "AUV_GYM_JIT": "0", "PYTHONPATH": str(Path(__file__).parents[2])},
@@ -83,7 +83,7 @@ def _steps(plant: Plant, x: np.ndarray, u: np.ndarray, count: int) -> None:
 
 
 def _shortest(run: Callable[[], object], repeats: int) -> float:
-    """Shortest time of a call, s, after one that is not counted because it may compile."""
+    """Shortest time of a call, s, after a first one that is not counted because it may compile."""
     run()
     seconds = []
     for _ in range(repeats):

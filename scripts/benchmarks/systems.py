@@ -1,7 +1,8 @@
-"""Two systems whose every coefficient is known, their records, and how far a model identified from those is from them.
+"""Two systems with known coefficients, their records, and the errors of models identified from these.
 
-One input and output with a coloured disturbance (ARMAX of orders 4, 4, 2), and two of each with three states, noise on
-the outputs and on the states.  Every record has a seed of its own; the same seed gives the same record everywhere.
+One has one input and output and a coloured disturbance (ARMAX of orders 4, 4, 2), the other two of each with three
+states and noise on the outputs and the states.  Every record has a seed of its own; the same seed gives the same record
+everywhere.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ STATE_SPACE = StateSpace(
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """What a system was given and what it answered: u (n, m) and y (n, p), named by channel."""
+    """The inputs and outputs of a system: u (n, m) and y (n, p), named by channel."""
 
     u: np.ndarray
     y: np.ndarray
@@ -51,24 +52,24 @@ class Signals:
 
     @property
     def record(self) -> Record:
-        """The same as a record, a sample each DT."""
+        """The same as a record, with a sample each DT."""
         names = (*self.inputs, *self.outputs)
         return Record.from_arrays(DT * np.arange(len(self.u)), dict(zip(names, np.hstack([self.u, self.y]).T)))
 
 
 def truth(system: str) -> Polynomial | StateSpace:
-    """The system itself, as a model."""
+    """The true system, as a model."""
     if system not in SYSTEMS:
         raise ValueError(f"Known systems are {' and '.join(SYSTEMS)}, got {system!r}: name one of them.")
     return ARMAX if system == "armax" else STATE_SPACE
 
 
 def measured(system: str, samples: int, seed: int, noise: float = 0.10, state_noise: float = 0.05) -> Signals:
-    """A record as an experiment gives it.
+    """A record of an experiment.
 
-    noise: standard deviation of what is added to an output, over that of the clean output; coloured for "armax", in
-    full from the first sample on, and white for "state_space", which starts at rest.  state_noise: standard deviation
-    of what is added to each state of "state_space" in every sample.
+    noise: standard deviation of the noise on an output, over that of the clean output; coloured for "armax", stationary
+    from the first sample on, and white for "state_space", which starts at rest.  state_noise: standard deviation of the
+    noise added to each state of "state_space" in every sample.
     """
     model, rng = truth(system), np.random.default_rng(seed)
     if system == "armax":
@@ -83,7 +84,7 @@ def measured(system: str, samples: int, seed: int, noise: float = 0.10, state_no
 
 
 def clean(system: str, samples: int, seed: int) -> Signals:
-    """Fresh data to judge by: other inputs than in the measured record of this seed, no noise, from rest."""
+    """Fresh data to judge by: other inputs than in the measured record of this seed, without noise, from rest."""
     model, rng = truth(system), np.random.default_rng(_CLEAN_SEEDS[system] + seed)
     u = _inputs(system, samples, rng)
     if system == "armax":
@@ -92,15 +93,15 @@ def clean(system: str, samples: int, seed: int) -> Signals:
 
 
 def fit_percent(y: np.ndarray, simulated: np.ndarray) -> float:
-    """100 (1 - |y - simulated| / |y - mean of y|), the mean over outputs; -inf where a simulation is not finite."""
+    """100 (1 - |y - simulated| / |y - mean of y|), averaged over outputs; -inf if a simulation is not finite."""
     left = np.linalg.norm(y - simulated, axis=0) / np.linalg.norm(y - y.mean(axis=0), axis=0)
     return float(np.mean(np.where(np.isfinite(left), 100.0 * (1.0 - left), -np.inf)))
 
 
 def coefficient_error(a: ArrayLike, b: ArrayLike, c: ArrayLike | None = None) -> float:
-    """Length of the error of all coefficients of ARMAX over that of the true ones; without c, of a and b.
+    """Norm of the error of all coefficients of ARMAX over that of the true ones; without c, of a and b.
 
-    Each from the first power of the delay on; fewer than the true ones count as zeros there.
+    Each from the first power of the delay on; missing ones count as zeros.
     """
     pairs = [(a, A), (b, B)] + ([] if c is None else [(c, C)])
     errors, sizes = [], []
@@ -114,9 +115,9 @@ def coefficient_error(a: ArrayLike, b: ArrayLike, c: ArrayLike | None = None) ->
 
 
 def largest_pole_error(a: np.ndarray) -> float:
-    """Largest distance of a true pole of STATE_SPACE to its own one of the transition matrix `a`.
+    """Largest distance of a true pole of STATE_SPACE to its partner in the transition matrix `a`.
 
-    Poles are paired so that the distances add up to the least; poles of `a` beyond those are let go.
+    Poles are paired for the least sum of distances; surplus poles of `a` are ignored.
     """
     apart = np.abs(np.linalg.eigvals(STATE_SPACE.a)[:, None] - np.linalg.eigvals(np.asarray(a, dtype=float)))
     return float(apart[linear_sum_assignment(apart)].max()) if apart.shape[1] >= apart.shape[0] else float("inf")

@@ -1,1 +1,1 @@
-"""The parts of the blind benchmark: cases drawn from a seed, logs, simulators of their own, scores, tables."""
+"""The parts of the blind benchmark: cases drawn from a seed, logs, independent simulators, scores, tables."""

@@ -1,4 +1,4 @@
-"""Cases of the blind benchmark: what each is follows from the seed and its number alone, whatever else runs."""
+"""Cases of the blind benchmark: each follows from the seed and its number alone, whatever else runs."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from scripts.blind.outside import SIZES, VISIBLE, excess
 class Group:
     """Vehicles that are drawn, and counted, together.
 
-    durations: s, between which a log's length is drawn to ten seconds, None: 600 s.  window, settle: of free runs, s,
-    None for the vehicle's own.  drawn: whether cases are of it without being asked for.  measured: see `Conditions`.
+    durations: s, range from which a log's length is drawn to ten seconds, None: 600 s.  window, settle: of free runs,
+    s, None for the vehicle's own.  drawn: whether its cases are drawn by default.  measured: see `Conditions`.
     """
 
     name: str
@@ -58,7 +58,7 @@ _GROUPS = (
 FAMILIES: Mapping[str, Group] = {group.name: group for group in _GROUPS}
 KINDS = {"none": 0.16, "one": 0.3, "two": 0.14, "one_wrong": 0.14, "none_wrong": 0.1, "outside": 0.16}
 EFFECTS = {"none": 0, "one": 1, "two": 2, "one_wrong": 1, "none_wrong": 0, "outside": 0}
-WRONG = 0.1  # of a coefficient, standard deviation
+WRONG = 0.1  # relative standard deviation of a wrong coefficient
 MULTIPLES = (2.0, 6.0)  # of the detectable size
 PERIOD_OF = dict.fromkeys(("effects.water.heave_sin", "effects.water.heave_cos"), "effects.water.heave_period")
 PERIODS = (120.0, 600.0)  # s
@@ -66,12 +66,12 @@ ATTEMPTS = 60
 
 
 class Undrawn(ValueError):
-    """No log of a case shows what it should."""
+    """Error: no log of a case shows what it should."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """What can be told without simulating; window, settle: s, None for the vehicle's own."""
+    """What is known of a case without simulating; window, settle: s, None for the vehicle's own."""
 
     seed: int
     number: int
@@ -85,10 +85,10 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """A case with its log, the vehicle as it is and as the modeller believes it to be.
+    """A case with its log, the true vehicle and the one that the modeller believes in.
 
     effects: value by path; detectable: size by path, that such a log would just show.  wrong: (true, given) by path.
-    cause, size: of a case outside the library.  attempts: how many draws it took.
+    cause, size: of a case outside the library.  attempts: number of draws.
     """
 
     case: Case
@@ -104,7 +104,7 @@ class Drawn:
 
 
 def sketch(seed: int, number: int, family: str = "") -> Case:
-    """The case of a number, without its log; family: of one that is not drawn by itself."""
+    """The case of a number, without its log; family: one that is not drawn by default."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, 0)))
     kind = str(rng.choice(list(KINDS), p=list(KINDS.values())))
     drawn = str(rng.choice([name for name, group in FAMILIES.items() if group.drawn]))
@@ -117,7 +117,7 @@ def sketch(seed: int, number: int, family: str = "") -> Case:
 
 
 def draw(case: Case) -> Drawn:
-    """The case with its log; draws again where an effect is hidden, too large, or ends the mission.
+    """The case with its log; draws again if an effect is hidden, too large, or ends the mission.
 
     Raises Undrawn if that is so in every attempt.
     """
@@ -126,7 +126,7 @@ def draw(case: Case) -> Drawn:
     for attempt in range(1, ATTEMPTS + 1):
         try:
             found = _outside(case, true, rng) if case.kind == "outside" else _within(case, true, rng)
-        except (ValueError, Diverged, np.linalg.LinAlgError):  # the vehicle could not be kept on its way
+        except (ValueError, Diverged, np.linalg.LinAlgError):  # the vehicle could not be controlled
             continue
         if found is not None:
             return Drawn(**found, case=case, attempts=attempt)
@@ -177,9 +177,9 @@ def _outside(case: Case, plant: Plant, rng: np.random.Generator) -> dict | None:
 
 
 def detectable_sizes(plant: Plant, clean: Record, paths: list[str]) -> dict[str, float]:
-    """Size by path that a clean log would show, the others fitted, and all coefficients as far as they are doubted.
+    """Size by path that a clean log would show, with the others and all coefficients fitted, within their doubts.
 
-    Infinite where none would, as of what acts as a coefficient does; in the parameter's unit.
+    Infinite if no size would be visible, as for an effect that acts like a coefficient; in the parameter's unit.
     """
     return Clean.of(plant, clean).detectable(paths)
 
@@ -216,7 +216,7 @@ class Clean:
 
 
 def _same(one: Record, other: Record) -> bool:
-    """Whether an effect does nothing, such as a rate limit that a lag keeps from ever being met."""
+    """Whether an effect does nothing, such as a rate limit that is never reached because of a lag."""
     return all(np.array_equal(one[name], other[name]) for name in other.names)
 
 

@@ -1,4 +1,4 @@
-"""Vehicles whose parameters follow time, in the place of a plant in an experiment: simulators of logs alone."""
+"""Vehicles whose parameters vary with time, in place of a plant in an experiment: only for simulating logs."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class ChangingSwim:
 
     @classmethod
     def starting(cls, plant: Plant, at: At) -> Callable[..., ChangingSwim]:
-        """What starts it."""
+        """A function that starts the float."""
         return lambda given, *where: cls(Swim.start(replace(at(0.0), dt=given.dt), *where), at)
 
     @property

@@ -1,8 +1,8 @@
-"""The blind side of the benchmark: diagnoses logs, given nothing but a folder with a log and a vehicle file each.
+"""The blind side of the benchmark: it diagnoses logs, given only a folder with a log and a vehicle file each.
 
     python -m scripts.blind.diagnosing FOLDER ...
 
-A folder holds log.nc, vehicle.toml and frame.json (window and settle, s); diagnosis.json joins them.
+A folder holds log.nc, vehicle.toml and frame.json (window and settle, s); diagnosis.json is added.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ REFUSED = "refused"
 
 
 def diagnose_folder(folder: Path) -> dict:
-    """What the diagnosis says, as plain data with its `seconds`; verdict "refused" and a reason where it raises."""
+    """The diagnosis as plain data with its `seconds`; verdict "refused" and a reason if it raises."""
     frame = read_json(folder / "frame.json")
     record, plant = Record.load(folder / "log.nc"), load_vehicle(folder / "vehicle.toml")
     start = perf_counter()

@@ -1,4 +1,4 @@
-"""Causes that the library of effects does not know, as numbers over time and state; each absent at size 0."""
+"""Causes outside the library of effects, as numbers over time and state; each is absent at size 0."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Tripping:
-    """Drag that is 1 + more times as large from when a speed has passed `high` until it is below `low`."""
+    """Drag that is larger by the factor 1 + more from when a speed has exceeded `high` until it is below `low`."""
 
     more: float
     low: float
@@ -25,9 +25,9 @@ class Tripping:
 
 @dataclass(frozen=True)
 class Sticking:
-    """An actuator that starts to move when its command is `stiction` away, and not at all while it is jammed.
+    """An actuator that moves only if its command is `stiction` away, and not at all while it is jammed.
 
-    jams: (n, 2), s, from when to when.
+    jams: (n, 2), s, beginnings and ends.
     """
 
     stiction: float
@@ -43,7 +43,7 @@ class Sticking:
         return cls(stiction, np.stack([begin, begin + longest * rng.uniform(0.5, 1.0, begin.size)], axis=1))
 
     def position(self, held: float, command: float, time: float) -> float:
-        """Where it is told to stand, given where it was told to before."""
+        """The effective command, given the one held before."""
         if np.any((self.jams[:, 0] <= time) & (time < self.jams[:, 1])):
             return held
         return command if abs(command - held) >= self.stiction else held
@@ -51,19 +51,19 @@ class Sticking:
 
 @dataclass(frozen=True)
 class Slack:
-    """A spring that pulls where it is stretched beyond `slack`: stiffness, N/m; slack, m."""
+    """A line that acts as a spring when stretched beyond `slack`: stiffness, N/m; slack, m."""
 
     stiffness: float
     slack: float
 
     def pull(self, distance: float) -> float:
-        """N, rounded off within a tenth of a metre of the end of the slack, where a knot gives way."""
+        """Tension, N, rounded off within a tenth of a metre of the end of the slack."""
         stretch = distance - self.slack
         return self.stiffness * (0.1 * np.log1p(exp(min(10.0 * stretch, 700.0))) if stretch < 3.0 else stretch)
 
 
 def slipped(time: np.ndarray, rng: np.random.Generator, size: float, spacing: float) -> np.ndarray:
-    """Stamps of a clock whose rate is wrong by up to `size`, another error about every `spacing` s; time: rising."""
+    """Stamps of a clock whose rate is wrong by up to `size`, with a new error about every `spacing` s; time: rising."""
     edges = np.arange(time[0], time[-1] + 2.0 * spacing, spacing) + rng.uniform(-0.3, 0.3) * spacing
     rates = size * rng.uniform(0.5, 1.0, edges.size) * rng.choice([-1.0, 1.0], edges.size)
     gained = np.concatenate([[0.0], np.cumsum(rates[:-1] * np.diff(edges))])
@@ -71,13 +71,13 @@ def slipped(time: np.ndarray, rng: np.random.Generator, size: float, spacing: fl
 
 
 def lopsided(told: float, side: float) -> float:
-    """What an actuator does that is stronger to the positive side by this share, and weaker to the other one."""
+    """The motion of an actuator that is stronger to the positive side by this share, and weaker to the other."""
     return told * (1.0 + side * float(np.sign(told)))
 
 
 @dataclass(frozen=True)
 class Around:
-    """What is around a vehicle, or wrong with it; None: absent.
+    """The surroundings of a vehicle, and its faults; None: absent.
 
     side: see `lopsided`.
     """

@@ -1,4 +1,4 @@
-"""What blind logs of each kind of vehicle are made of, and which effects none of them can show."""
+"""The experiments for blind logs of each kind of vehicle, and the effects that none of them can show."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ _NO_SURFACE = "the initial depth of each free run does the same, and none is at 
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of vehicle, by the name of its family or, of a hull and its parts, by its kind.
+    """A kind of vehicle, by the name of its family or, for a hull and its parts, by its kind.
 
-    log: of the standard experiment.  outside: of a vehicle without effects and with one of `causes`, "clock" apart,
-    whose errors are about `clock_spacing` s apart.  settings: of the standard experiment in the study of single
-    effects.  hidden: effects that no log of the kind can show, and why.  changing: what moves in the place of
-    a vehicle whose parameters follow time.
+    log: makes one of the standard experiment.  outside: makes one of a vehicle without effects and with one of
+    `causes`, except "clock", whose errors are about `clock_spacing` s apart.  settings: of the standard experiment in
+    the study of single effects.  hidden: effects that no log of the kind can show, and why.  changing: replaces a
+    vehicle whose parameters vary with time.
     """
 
     family: str
@@ -133,7 +133,7 @@ KINDS = {kind.family: kind for kind in _KINDS}
 
 
 def kind_of(plant: Plant) -> Kind:
-    """The kind of a vehicle; raises where no blind logs are made of it."""
+    """The kind of a vehicle; raises if there are no blind logs for it."""
     family = plant.family
     name = family.name if family.body is None else family.kind
     if name not in KINDS:
@@ -142,10 +142,10 @@ def kind_of(plant: Plant) -> Kind:
 
 
 def known(vehicle: str) -> Plant:
-    """The preset with coefficients that are known to the diagnosis's usual doubt.
+    """The preset with coefficients known to the diagnosis's usual doubt.
 
-    Where a preset states wide deviations, as one whose coefficients are guesses does, an effect that acts as such a
-    coefficient is nothing that a log could show.
+    If a preset states wide deviations, as one with guessed coefficients does, no log could show an effect that acts
+    like such a coefficient.
     """
     return replace(load_vehicle(vehicle), deviations={})
 
@@ -158,17 +158,17 @@ def effects_of(vehicle: str) -> list[str]:
 
 
 def log_of(plant: Plant, conditions: Conditions, seed: int) -> Record:
-    """The log of a vehicle's standard experiment; the same manoeuvres from one seed.
+    """The log of a vehicle's standard experiment; the same manoeuvres for the same seed.
 
-    Raises ValueError or Diverged where the vehicle cannot be kept on its way.
+    Raises ValueError or Diverged if the vehicle cannot be controlled.
     """
     return kind_of(plant).log(plant, conditions, np.random.default_rng(seed))
 
 
 def outside_log(plant: Plant, cause: str, size: float, conditions: Conditions, seed: int) -> Record:
-    """The log of a plant without effects and with a cause, "" for none; size: 1 is a small one.
+    """The log of a plant without effects and with a cause, "" for none; size: 1 is small.
 
-    Raises ValueError where the vehicle cannot be kept on its way.
+    Raises ValueError if the vehicle cannot be controlled.
     """
     kind, rng = kind_of(plant), np.random.default_rng([seed, 1])
     record = kind.outside(plant, cause, size, conditions, np.random.default_rng(seed), rng)

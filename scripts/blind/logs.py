@@ -22,18 +22,19 @@ from scripts.blind.own_torpedo import manoeuvred
 
 _COMPASS, _TRACK = radians(0.5), 1.0  # rad, m
 _LAKE_DEPTH, _SEA_DEPTH = 0.02, 0.1  # m, noise of a float's pressure sensor; a torpedo's is the first
-_RUDDER, _FINS = 0.3, 0.15  # excitation of a glider and of a torpedo, over a fin's stop
-_WRENCH, _THRUSTERS = 0.15, 0.3  # of a vehicle with thrusters, over what they can do: along an axis, each by itself
-_SAMPLES = (5.0, 10.0, 20.0, 60.0)  # s, between the samples of a glider that flies
+_RUDDER, _FINS = 0.3, 0.15  # excitation of a glider and of a torpedo, over a fin's limit
+_WRENCH, _THRUSTERS = 0.15, 0.3  # of a vehicle with thrusters, over their capacity: along an axis, each by itself
+_SAMPLES = (5.0, 10.0, 20.0, 60.0)  # s, between the samples of a flying glider
 _YOS, _YO_DEPTH = (100.0, 150.0, 200.0, 300.0), 0.05  # m, its dives and the noise of its pressure sensor
 _HEAVE = (2e-3, 120.0)  # m/s and s, vertical velocity of its water, RMS and correlation time
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """noise, excitation: factors of the usual ones.  duration: s, of a log of a torpedo, a glider or with thrusters.
+    """The conditions of a log; noise, excitation: factors of the usual ones.
 
-    measured: by a vehicle with thrusters, see `identification.experiments.hovering.hover`.
+    duration: s, of a log of a torpedo, a glider or a vehicle with thrusters.  measured: by a vehicle with thrusters,
+    see `identification.experiments.hovering.hover`.
     """
 
     noise: float
@@ -53,7 +54,7 @@ def dive_settings(rng: np.random.Generator) -> dict[str, Any]:
     return {"target_depths": rng.permutation(np.linspace(300.0, 1500.0, 8)).tolist()}
 
 
-# Each takes what moves in the plant's place, as `scripts.blind.changing` makes it.
+# `moving` replaces the plant, see `scripts.blind.changing`.
 
 
 def glider_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, moving: Any = None) -> Record:
@@ -80,9 +81,9 @@ def lake_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, mov
 
 
 def yo_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, moving: Any = None) -> Record:
-    """Dives of a glider that flies, whose place nothing takes, in water that moves up and down at random.
+    """Dives of a flying glider, which cannot be replaced, in water that moves up and down at random.
 
-    Raises ValueError where one hangs at the depth at which it is neutral.
+    Raises ValueError if a dive ends at the depth of neutral buoyancy.
     """
     depths = [conditions.excitation * depth for depth in rng.permutation(_YOS).tolist()]
     noise, every = conditions.noise * _YO_DEPTH, float(rng.choice(_SAMPLES))
@@ -98,9 +99,9 @@ def yo_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, movin
 
 
 def heaved(record: Record, rate: np.ndarray) -> Record:
-    """Dives in water that moves down at a rate, m/s, (n,), at each sample; its density moves along with it.
+    """Dives in water that moves down at a rate, m/s, (n,), at each sample, together with its density.
 
-    A dive ends where that brings it to the surface.
+    A dive ends if this brings it to the surface.
     """
     moved, under = np.zeros(len(record)), np.ones(len(record), dtype=bool)
     for part in record.segments:
@@ -129,7 +130,7 @@ def torpedo_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, 
 
 
 def hover_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, moving: Any = None) -> Record:
-    """A vehicle with thrusters: following steps, or unsteered without a measured place."""
+    """A vehicle with thrusters: following steps, or uncontrolled without a measured position."""
     steered = conditions.measured == "all"
     record = hover(
         plant,
@@ -150,11 +151,11 @@ def torpedo_noise(level: float) -> dict[str, float]:
 
 
 def torpedo_excitation(excitation: float) -> float:
-    """Amplitude over a fin's stop."""
+    """Amplitude of the excitation over a fin's limit."""
     return excitation * _FINS
 
 
 def plain(record: Record, names: list[str]) -> Record:
-    """These channels of a record of one segment, with no word of how it came about."""
+    """These channels of a record of one segment, with no trace of its origin."""
     attrs = {"source": "simulated", "vehicle": record.attrs["vehicle"]}
     return Record.from_arrays(record.time, {name: record[name] for name in names}, attrs=attrs)

@@ -1,4 +1,4 @@
-"""Logs with a cause in them that the library does not know, simulated by code that shares nothing with it."""
+"""Logs with a cause outside the library, simulated by code that shares nothing with it."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from scripts.blind.logs import (
 from scripts.blind.own_glider import OwnGlider
 
 SIZES = (1.0, 2.0, 4.0, 8.0)  # tried in turn until the log shows the cause
-VISIBLE = 1.0  # excess over the noise variance that a refit of the coefficients must leave in some channel
-Draws = np.random.Generator  # by which the cause is drawn
+VISIBLE = 1.0  # least excess over the noise variance in some channel after a refit of the coefficients
+Draws = np.random.Generator  # for drawing the cause
 
 
 def excess(plant: Plant, record: Record, clean: Record, window: float) -> float:
-    """Mean square that is left after a refit, over that in a clean log, less 1, in the channel where it is largest."""
+    """Mean square residual after a refit, over that in a clean log, minus 1, in the channel where it is largest."""
     left = []
     for log in (described(plant, record), described(plant, clean)):
         problem = Shooting(plant, log, free_run_windows(plant, log, window))
@@ -41,8 +41,8 @@ def excess(plant: Plant, record: Record, clean: Record, window: float) -> float:
     return float(np.max(left[0] / left[1])) - 1.0
 
 
-# Logs of a plant without effects and with a cause, "" for none; size: 1 is a small one. They raise ValueError where the
-# vehicle cannot be kept on its way. The cause is drawn by one generator, the experiment by another.
+# Logs of a plant without effects and with a cause, "" for none; size: 1 is small. They raise ValueError if the
+# vehicle cannot be controlled. The cause is drawn by one generator, the experiment by another.
 
 
 def glider_outside(
@@ -83,7 +83,7 @@ def sea_outside(
 def yo_outside(
     plant: Plant, cause: str, size: float, conditions: Conditions, experiment: np.random.Generator, rng: Draws
 ) -> Record:
-    """The log of a glider that flies."""
+    """The log of a flying glider."""
     record = yo_log(plant, conditions, experiment)
     if cause != "layer":
         return record
@@ -104,12 +104,12 @@ def torpedo_outside(
 def hover_outside(
     plant: Plant, cause: str, size: float, conditions: Conditions, experiment: np.random.Generator, rng: Draws
 ) -> Record:
-    """The log of a vehicle with thrusters, of which nothing but the clock is simulated by other code."""
+    """The log of a vehicle with thrusters, of which only the clock is simulated by other code."""
     return hover_log(plant, conditions, experiment)
 
 
 def slipped_clock(record: Record, size: float, spacing: float, rng: np.random.Generator) -> Record:
-    """A record with the stamps of a clock that slips about every `spacing` s."""
+    """A record with the time stamps of a clock that slips about every `spacing` s."""
     stamps = np.concatenate([slipped(record.time[s], rng, 0.03 * size, spacing) for s in record.segments])
     number = np.repeat(np.arange(len(record.segments)), [s.stop - s.start for s in record.segments])
     slips = Record.from_arrays(stamps, {n: record[n] for n in record.names}, segment=number, attrs=record.attrs)
@@ -129,7 +129,7 @@ def _glider(plant: Plant, cause: str, size: float, duration: float, rng: np.rand
 
 
 def _started(around: Around) -> Callable[..., own_float.OwnSwim]:
-    """What starts a float at each dive."""
+    """A function that starts a float for each dive."""
 
     def start(given: Plant, depth: float, rate: float = 0.0, volume: float = 0.0) -> own_float.OwnSwim:
         return own_float.OwnSwim(given, around, depth, rate, volume)

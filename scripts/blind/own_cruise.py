@@ -1,10 +1,11 @@
-"""A torpedo on a mission, by code of its own: no compiled physics, and no effects or controllers of the project.
+"""A torpedo on a mission, by independent code: no compiled physics, and no effects or controllers of the project.
 
 Newton and Euler in body axes about the origin, Euler angles, RK4 at 50 Hz.  Loops of a few lines follow legs and depths
-by what the sensors say, ten times a second.  Gusts push the vehicle, accelerations that fade in seconds, and a swell:
-of each axis an oscillator that white noise drives.  Sensors as on such vehicles: a Doppler log of half the rate whose
-cells are blank in between, and sometimes for longer; a compass noisier than the inclinometers; depth in cm.  In some
-logs the compass wanders, which the loops follow, and in some the Doppler log swings with waves that move nothing else.
+by the sensors' readings, ten times a second.  Gusts push the vehicle, accelerations that decay in seconds, and a swell:
+on each axis an oscillator driven by white noise.  Sensors as on such vehicles: a Doppler log at half the rate with
+blank samples in between, and sometimes longer gaps; a compass noisier than the inclinometers; depth to a centimetre.
+In some logs the compass wanders, and the loops follow it; in some the Doppler log oscillates with waves that move
+nothing else.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from scripts.blind.own_rov import logged, rates
 
 STEP, EVERY = 0.02, 5  # s, and steps to a sample
 TILT, HEADING, RATE, SPEED, DEPTH = 0.15 * pi / 180.0, 0.4 * pi / 180.0, 0.2 * pi / 180.0, 0.02, 0.01
-WANDERING = 30.0  # s, correlation time of a compass's errors that last
-SWINGING = 5.0  # s, period of those of a Doppler log; they keep in phase for as much as the swell does
+WANDERING = 30.0  # s, correlation time of the compass's lasting errors
+SWINGING = 5.0  # s, period of those of a Doppler log; they stay in phase for as long as the swell
 BLANK = 0.02  # share of the Doppler log's readings that are lost
 PUSHES = np.array([0.02, 0.02, 0.02, 0.02, 0.01, 0.01])  # m/s^2 and rad/s^2, RMS of gusts and swell of strength 1
 LASTING, PERIOD, DAMPING = 3.0, 6.0, 0.05  # s, the gusts' correlation time; s, the swell's period, and its damping
@@ -38,11 +39,11 @@ def cruised(
     wander: float = 0.0,
     swing: float = 0.0,
 ) -> Record:
-    """A log of a torpedo at 10 Hz; push, swell: how strong gusts and swell are, over `PUSHES`.
+    """A log of a torpedo at 10 Hz; push, swell: strength of gusts and swell, over `PUSHES`.
 
     wander, swing: RMS of the lasting errors of compass, rad, and Doppler log, m/s.
-    Effects that it has: `effects.current`, `effects.load.net_buoyancy`, of the fins `offset`, `lost` and `lag`,
-    `effects.gyros.bias_r` and `effects.dvl_ground.misalignment`.  Raises ValueError where the run is cut short.
+    Simulated effects: `effects.current`, `effects.load.net_buoyancy`, of the fins `offset`, `lost` and `lag`,
+    `effects.gyros.bias_r` and `effects.dvl_ground.misalignment`.  Raises ValueError if the run ends early.
     """
     own, parts = plant.effects, plant.parts
     flows, hull = np.array([own.current.north, own.current.east, 0.0]), Hull.of(plant)
@@ -62,7 +63,7 @@ def cruised(
             command = loops.act(k * STEP, seen[1], seen[2], seen[-1])
             rows.append([k * STEP, *seen, *command])
         told = command.copy()
-        told[:2] = np.clip(told[:2] + offsets, -loops.limits, loops.limits)  # fins go no further than their stops
+        told[:2] = np.clip(told[:2] + offsets, -loops.limits, loops.limits)  # fins stop at their limits
         held = told + keeps * (held - told)
         gust = fades * gust + sqrt(1.0 - fades * fades) * rng.standard_normal(6)
         wave = _swung(wave, omega, rng)
@@ -78,7 +79,7 @@ def cruised(
 
 
 def _swung(wave: np.ndarray, omega: float, rng: np.random.Generator) -> np.ndarray:
-    """Oscillators that white noise drives a step on: values of deviation 1 and their rates, (2, n)."""
+    """Oscillators driven by white noise, one step later: values of deviation 1 and their rates, (2, n)."""
     kick = sqrt(4.0 * DAMPING * omega**3 * STEP) * rng.standard_normal(wave.shape[1])
     rate = wave[1] + kick - STEP * (2.0 * DAMPING * omega * wave[1] + omega**2 * wave[0])
     return np.array([wave[0] + STEP * rate, rate])
@@ -94,7 +95,7 @@ def _rates(
 
 
 class Loops:
-    """Legs and depths that are asked for now and then, and loops that follow them by noisy readings."""
+    """Random targets for leg and depth, and loops that follow them by noisy readings."""
 
     def __init__(self, plant: Plant, rng: np.random.Generator, depth: float):
         rudder, plane, self._usual = plant.parts.rudder, plant.parts.stern_plane, plant.parts.propeller.design
@@ -131,7 +132,7 @@ def _wrapped(angle):
 def _read(
     plant: Plant, x: np.ndarray, row: int, rng: np.random.Generator, compass: float, doppler: np.ndarray
 ) -> list[float]:
-    """Attitude, rates, speeds over ground and depth, as the sensors give them; compass, doppler: errors that last."""
+    """Attitude, rates, speeds over ground and depth, as measured; compass, doppler: lasting errors."""
     angles = x[3:6] + np.array([TILT, TILT, HEADING]) * rng.standard_normal(3)
     angles[2] = _wrapped(angles[2] + compass)
     spins = x[9:12] + RATE * rng.standard_normal(3) + [0.0, 0.0, plant.effects.gyros.bias_r]

@@ -1,6 +1,6 @@
-"""A profiling float by code of its own: equation (5) of Zhong et al. 2024, with causes that the library does not know.
+"""A profiling float by independent code: equation (5) of Zhong et al. 2024, with causes outside the library.
 
-Nothing but the coefficients' numbers is shared with the family it stands beside: no compiled physics, no effects.
+Only the coefficients' numbers are shared with the family that it replaces: no compiled physics, no effects.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _GRAVITY = 9.81
 
 @dataclass(frozen=True, eq=False)
 class OwnSwim:
-    """A float under way, as the simulated experiments ask of one; piston: m, None before the first command."""
+    """A float under way, as the simulated experiments need it; piston: m, None before the first command."""
 
     given: Plant
     around: Around
@@ -36,7 +36,7 @@ class OwnSwim:
         return self.depth
 
     def onward(self, inputs: Mapping[str, float], duration: float) -> OwnSwim:
-        """The float `duration` s later; its piston starts where it is first told to be."""
+        """The float `duration` s later; its piston starts at its first command."""
         a, around = self.given.hull, self.around
         command = inputs.get("piston_m", a.piston_neutral)
         told = command if self.piston is None else self.told

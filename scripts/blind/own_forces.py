@@ -1,4 +1,4 @@
-"""Forces by code of its own, from the numbers of coefficients: on any hull, and on a torpedo's fins and propeller.
+"""Forces by independent code, from the numbers of coefficients: on any hull, and on a torpedo's fins and propeller.
 
 Sources: Fossen 2021, eqs. (2.31), (2.39), (3.49), (4.6), (6.1), sec. 9.7; Healey and Lienard 1993 (cross flow,
 slipstream).
@@ -24,7 +24,7 @@ _STATIONS = np.linspace(-0.5, 0.5, 11)
 
 
 def stepped(rates: Callable[[np.ndarray], np.ndarray], x: np.ndarray, h: float) -> np.ndarray:
-    """A state `h` s later, by the fourth-order method of Runge and Kutta."""
+    """A state `h` s later, by the fourth-order Runge-Kutta method."""
     k1 = rates(x)
     k2 = rates(x + 0.5 * h * k1)
     k3 = rates(x + 0.5 * h * k2)
@@ -42,7 +42,7 @@ class Hull:
     coefficients: np.ndarray
     first: np.ndarray
     second: np.ndarray
-    bent: np.ndarray  # where the second factor is taken without its sign
+    bent: np.ndarray  # where the second factor is an absolute value
     linear: np.ndarray  # where there is no second factor
     gravity_at: np.ndarray
     buoyancy_at: np.ndarray
@@ -83,7 +83,7 @@ class Hull:
     def force(self, nu: np.ndarray, angles: np.ndarray, fins: np.ndarray, drag: float) -> np.ndarray:
         """Force and moment on a torpedo at a velocity ahead through the water, (6,).
 
-        fins: rudder, stern plane, propulsion command.  Else as `water`.
+        fins: rudder, stern plane, propulsion command.  Otherwise as in `water`.
         """
         return self.water(nu, angles, drag) + self._fins(nu, fins) + self._drive(nu, fins)
 
@@ -183,11 +183,11 @@ def angle_rates(angles: np.ndarray, spin: np.ndarray) -> tuple[float, float, flo
 
 
 def skew(x: float, y: float, z: float) -> np.ndarray:
-    """The matrix of a cross product with [x y z] from the left, (3, 3)."""
+    """The matrix of the cross product with [x y z] from the left, (3, 3)."""
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a x b, shape (3,), in a tenth of the time of numpy's own for any shapes."""
+    """a x b, shape (3,), ten times as fast as numpy's own."""
     (a1, a2, a3), (b1, b2, b3) = a.tolist(), b.tolist()
     return np.array([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1])

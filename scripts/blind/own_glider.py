@@ -1,6 +1,6 @@
-"""A glider's heading by code of its own: equation (11) of Putri et al., with causes that the library does not know.
+"""A glider's heading by independent code: equation (11) of Putri et al., with causes outside the library.
 
-Nothing but the coefficients' numbers is shared with the family it stands beside: no compiled physics, no effects.
+Only the coefficients' numbers are shared with the family that it replaces: no compiled physics, no effects.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _GRAVITY = 9.81
 
 @dataclass(frozen=True, eq=False)
 class OwnGlider:
-    """What `closed_loop` asks of a glider: it steps and reads [heading, yaw rate, north, east].
+    """A glider with the interface that `closed_loop` needs: it steps and reads [heading, yaw rate, north, east].
 
     State: [psi, r, north, east, time, rudder, whether the drag is tripped].
     """

@@ -1,9 +1,10 @@
-"""A vehicle with thrusters, driven by hand, by code of its own: no compiled physics, and no effects of the project.
+"""A vehicle with thrusters, driven by hand, by independent code: no compiled physics, and no effects of the project.
 
 Newton and Euler in body axes about the origin, Euler angles, RK4 at 100 Hz; thrust by the vehicle's table of commands
-after a lag of these.  A pilot pushes two sticks and asks for depths and headings, which loops of a few lines hold.
-Sensors as on such vehicles: a Doppler log of half the rate whose cells are blank in between, and sometimes for longer;
-a compass noisier than the inclinometers, so that attitudes err about the vertical and about level axes; depth in cm.
+after a lag of these.  A pilot moves two sticks and asks for depths and headings, which loops of a few lines hold.
+Sensors as on such vehicles: a Doppler log at half the rate with blank samples in between, and sometimes longer gaps; a
+compass noisier than the inclinometers, so that attitudes err about the vertical and about level axes; depth to a
+centimetre.
 """
 
 from __future__ import annotations
@@ -44,10 +45,10 @@ def rates(
 
 
 def driven(plant: Plant, rng: np.random.Generator, duration: float = 300.0, push: float = 0.3) -> Record:
-    """A log of a vehicle at 10 Hz; push: random pushes, over `PUSHES`.
+    """A log of a vehicle at 10 Hz; push: strength of random pushes, over `PUSHES`.
 
-    Effects that it has: `effects.current`, of a thruster `lost` and `lag`, `effects.gyros.bias_p` and
-    `effects.dvl_ground.misalignment`.  Raises ValueError where it comes near the vertical.
+    Simulated effects: `effects.current`, of a thruster `lost` and `lag`, `effects.gyros.bias_p` and
+    `effects.dvl_ground.misalignment`.  Raises ValueError if it comes near the vertical.
     """
     thrusters, parts, flows = find_thrusters(plant), plant.family.body.thrusters, plant.effects.current
     moved = partial(rates, Hull.of(plant), np.array([flows.north, flows.east, 0.0]))
@@ -75,7 +76,7 @@ def driven(plant: Plant, rng: np.random.Generator, duration: float = 300.0, push
 
 
 def logged(plant: Plant, rows: Sequence[Sequence[float]], commands: Sequence[str]) -> Record:
-    """Rows of a time, attitude, rates, speeds over ground, depth and commands as a record."""
+    """A record of rows with time, attitude, rates, speeds over ground, depth and commands."""
     names = (
         "time_s", "roll_rad", "pitch_rad", "heading_rad", "p_radps", "q_radps", "r_radps",
         "u_dvl_mps", "v_dvl_mps", "w_dvl_mps", "depth_m", *commands,
@@ -93,7 +94,7 @@ class Pilot:
         self.depth, self._heading, self._sums = 5.0, 0.0, np.zeros(2)
 
     def wrench(self, time: float, x: np.ndarray) -> np.ndarray:
-        """What is asked of the thrusters, N and N m."""
+        """The demand on the thrusters, N and N m."""
         rng = self._rng
         if time >= self._next:
             self._next = time + rng.uniform(3.0, 9.0)
@@ -111,7 +112,7 @@ class Pilot:
 
 
 def _read(plant: Plant, x: np.ndarray, row: int, rng: np.random.Generator) -> list[float]:
-    """Attitude, rates, speeds over ground and depth, as the sensors give them."""
+    """Attitude, rates, speeds over ground and depth, as measured."""
     level = np.array([TILT, TILT, HEADING]) * rng.standard_normal(3)
     c, s = cos(x[5]), sin(x[5])
     seen = _of_vector(np.array([c * level[0] - s * level[1], s * level[0] + c * level[1], level[2]]))

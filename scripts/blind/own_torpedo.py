@@ -1,6 +1,6 @@
-"""A torpedo's manoeuvres by code of its own, with causes that the library does not know.
+"""A torpedo's manoeuvres by independent code, with causes outside the library.
 
-Euler angles, RK4 of its own step, no compiled physics and no effects; autopilot and manoeuvres are the project's.
+Euler angles, its own RK4 step, no compiled physics and no effects; autopilot and manoeuvres are the project's.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SENSORS = {  # the outputs of each, in the order of a reading
     "position": ("north_m", "east_m"),
     "depth": ("depth_m",),
 }
-FOLLOW = 20.0  # s, with which a boat above follows the vehicle
+FOLLOW = 20.0  # s, time constant with which a boat above follows the vehicle
 
 
 def own_manoeuvres(
@@ -42,18 +42,18 @@ def own_manoeuvres(
     excitation: float,
     noise: Mapping[str, float],
 ) -> Record:
-    """A record as `steer` makes one; noise: standard deviation by sensor.  Raises ValueError where it is cut short."""
+    """A record like those of `steer`; noise: standard deviation by sensor.  Raises ValueError if it ends early."""
     return manoeuvred(plant, Body(Hull.of(plant), around), rng, duration, excitation, noise)
 
 
 class Moving(Protocol):
-    """What follows manoeuvres in the place of a torpedo."""
+    """The replacement of a torpedo in manoeuvres."""
 
     def start(self, states: np.ndarray) -> np.ndarray:
-        """The state x at the beginning, at the vehicle's first twelve."""
+        """The initial state x, from the vehicle's first twelve."""
 
     def reading(self, x: np.ndarray, time: float) -> dict[str, float]:
-        """What the sensors give without noise."""
+        """The noise-free readings of the sensors."""
 
     def onward(self, x: np.ndarray, told: np.ndarray, time: float, duration: float) -> np.ndarray:
         """The state `duration` s later, the vehicle's twelve first; told: rudder, plane, propulsion."""
@@ -67,7 +67,7 @@ def manoeuvred(
     excitation: float,
     noise: Mapping[str, float],
 ) -> Record:
-    """A record of what moves in a torpedo's place, see `own_manoeuvres`."""
+    """A record of the replacement of a torpedo, see `own_manoeuvres`."""
     drawn = draw_manoeuvres(plant, rng, duration, excitation)
     names = steered(plant)
     limits = command_limits(plant)[[plant.inputs.index(name) for name in names]]
@@ -95,9 +95,9 @@ def manoeuvred(
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A hull and what is around it.
+    """A hull and its surroundings.
 
-    State: [u v w p q r | north east depth | roll pitch heading | rudder, plane, propulsion | told rudder | tripped |
+    State: [u v w p q r | north east depth | roll pitch heading | rudder, plane, propulsion | rudder command | tripped |
     boat's north and east], 19 numbers.
     """
 
@@ -105,18 +105,18 @@ class Body:
     around: Around
 
     def start(self, states: np.ndarray) -> np.ndarray:
-        """The state at the beginning, with actuators that have been told nothing yet."""
+        """The initial state, with actuators that have had no command yet."""
         return np.r_[states, np.full(4, np.nan), np.zeros(3)]
 
     def reading(self, x: np.ndarray, time: float) -> dict[str, float]:
-        """What the sensors give without noise."""
+        """The noise-free readings of the sensors."""
         values = [x[9], x[10], x[11], *x[3:6], *x[:3], *x[:3], x[6], x[7], x[8]]
         return dict(zip((name for outputs in SENSORS.values() for name in outputs), map(float, values), strict=True))
 
     def onward(self, x: np.ndarray, told: np.ndarray, time: float, duration: float) -> np.ndarray:
         """The state `duration` s later."""
         x, h, target = x.copy(), duration / _SUBSTEPS, told.copy()
-        if np.isnan(x[12]):  # they begin where they are told to be
+        if np.isnan(x[12]):  # actuators start at their commands
             x[12:15], x[15] = told, told[0]
         for k in range(_SUBSTEPS):
             t = time + k * h

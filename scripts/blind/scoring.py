@@ -1,4 +1,4 @@
-"""A diagnosis against the sealed truth: right or false names, coverage, and the error beside the true model's."""
+"""Scores of a diagnosis against the sealed truth: right or false names, coverage, and error over the true model's."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ FAILED = ("timeout", "crash", REFUSED)
 def score(said: Mapping[str, Any], truth: Mapping[str, Any], ratio: float | None = None) -> dict[str, Any]:
     """The score of a diagnosis, given as its JSON, against a truth as `seal` writes it.
 
-    right: by the kind of the case.  false: names of effects that are not there and no tie with one that is, or with a
-    coefficient that is wrong.  confident: a name for a cause outside the library, and nothing called unexplained.
-    alike: what the difference is said to act like, and is not named.
+    right: by the kind of the case.  false: names of effects that are not there and not tied with one that is, or with a
+    wrong coefficient.  confident: a name for a cause outside the library, with nothing called unexplained.
+    alike: effects that the difference is said to act like, without naming them.
     covered: by named path, whether its interval holds the value.  ratio: error in unseen parts over the true model's.
     """
     verdict = said["verdict"]
@@ -96,11 +96,11 @@ def error_ratio(
 
 
 def _whole(path: str) -> str:
-    """The physical thing that a path belongs to: its two components count as one name."""
+    """The physical quantity of a path: its two components count as one name."""
     return next((title for title, paths in TOGETHER if path in paths), path)
 
 
 def _meant(path: str, groups: list[frozenset[str]]) -> set[str]:
-    """What a name stands for: itself, and what the diagnosis says it cannot tell from it."""
+    """The possible meanings of a name: itself, and the paths that the diagnosis cannot tell from it."""
     tied = {p for group in groups if path in group or _whole(path) in {_whole(q) for q in group} for p in group}
     return {_whole(p) for p in (path, *tied)}

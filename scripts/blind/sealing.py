@@ -1,4 +1,4 @@
-"""Where a case lies: the log with the believed vehicle in one folder, the sealed truth in another."""
+"""The folders of a case: the log with the believed vehicle in one, the sealed truth in another."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from scripts.studies.runs import read_json, write_json
 
 
 def log_folder(out: Path, number: int) -> Path:
-    """All that the diagnosis is given."""
+    """The folder with everything that the diagnosis is given."""
     return out / "logs" / f"{number:05d}"
 
 
@@ -21,7 +21,7 @@ def truth_folder(out: Path, number: int) -> Path:
 
 
 def seal(drawn: Drawn, out: Path) -> Path:
-    """Write a case into its two folders; the log's, with log.nc, vehicle.toml and frame.json."""
+    """Write a case into its two folders; return the log's, with log.nc, vehicle.toml and frame.json."""
     case = drawn.case
     log, truth = log_folder(out, case.number), truth_folder(out, case.number)
     log.mkdir(parents=True, exist_ok=True)
@@ -44,5 +44,5 @@ def seal(drawn: Drawn, out: Path) -> Path:
 
 
 def read_truth(folder: Path) -> dict[str, Any]:
-    """What `seal` has written of a case."""
+    """The truth of a case as written by `seal`."""
     return read_json(folder / "truth.json")

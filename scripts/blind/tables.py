@@ -1,4 +1,4 @@
-"""What the scores of many cases say: shares with their Wilson intervals, by kind and by family, and the misses."""
+"""Summaries of the scores of many cases: shares with their Wilson intervals, by kind and by family, and the misses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from auv_gym.cli.options.console import table
 from scripts.blind.cases import FAMILIES, KINDS
 from scripts.blind.scoring import FAILED
 
-GOAL = 1.15  # error in unseen parts over that of the true model
+GOAL = 1.15  # goal for the error in unseen parts over that of the true model
 WORDS = {
     "none": "nothing missing",
     "one": "one effect",
@@ -74,7 +74,7 @@ def _quantiles(values: Sequence[float]) -> dict[str, float]:
 
 
 def shares_table(scores: Scores) -> Table:
-    """A row for each kind and family: how many are right, in per cent with its interval, and hits over counts."""
+    """A row for each kind and family: the share of right ones, in per cent with its interval, and hits over counts."""
     columns = ("right, %>", "false>", "unexpl.>", "conf.>", "cover>", f"<= {GOAL}>", "s>")
     made = table("Blind benchmark", "cases!", *columns)
     made.pad_edge, made.collapse_padding, made.padding = False, True, (0, 1)

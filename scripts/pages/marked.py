@@ -1,10 +1,10 @@
-"""Text of a page between two marks, which a program writes and nobody else."""
+"""The text of a page between two marks, which only a program writes."""
 
 from __future__ import annotations
 
 
 def with_marked(page: str, name: str, text: str) -> str:
-    """The page with this text between the marks of that name; raises ValueError where it does not have them."""
+    """The page with this text between the marks of that name; raises ValueError if it does not have them."""
     begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
     before, _, rest = page.partition(begin)
     _, found, after = rest.partition(end)

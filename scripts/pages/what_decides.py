@@ -20,7 +20,7 @@ NAME = "table of what decides"
 
 @dataclass(frozen=True)
 class Constant:
-    """A constant that decides: what it decides, and where its value comes from."""
+    """A constant that decides: what it decides, and the source of its value."""
 
     step: str
     name: str
@@ -47,7 +47,7 @@ def constants() -> Iterator[Constant]:
 
 
 def lines_of_table() -> list[str]:
-    """The table in Markdown, a row a constant."""
+    """The table in Markdown, with a row for each constant."""
     rows = [f"| {c.step} | `{c.name}` | {c.value:.3g} | {c.decides} | {c.source} |" for c in constants()]
     return ["| step | constant | value | decides | where it comes from |", "|---|---|--:|---|---|", *rows]
 

@@ -1,1 +1,1 @@
-"""Measured logs, for `python -m scripts.real_logs`: what they are, how each kind is judged, and the page about them."""
+"""Measured logs, for `python -m scripts.real_logs`: their description, how each kind is judged, and their page."""

@@ -1,8 +1,8 @@
-"""Logs of gliders that fly, judged by the vertical velocity that steady flight makes of them.
+"""Logs of flying gliders, judged by the vertical velocity of steady flight.
 
 Away from pumping and inflections, the vertical velocity of the model is compared with the differenced depth: as given,
-with coefficients refitted, and with what the diagnosis names; beside them, what others' flight models make of the same
-samples.  Dives are judged that no fit has seen, or parts of a log by vehicles that were fitted without them.
+with coefficients refitted, and with the named effects; other flight models are compared on the same samples.  Dives
+that no fit has seen are judged, or parts of a log by vehicles that were fitted without them.
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ from scripts.real.log import Error, Log, Places, bundled, kept
 
 GLIDERFLIGHT = Peer("gliderflight", "1.2.1", "scripts.benchmarks.peers.run_gliderflight")
 SIGNAL, UNIT = "vertical velocity", "cm/s"
-# up, of the operators' hydrodynamic model; vert_speed_gsm is of the measured depth rate, and so foretells nothing
+# up, of the operators' hydrodynamic model; vert_speed_gsm uses the measured depth rate, and so predicts nothing
 _OPERATORS = "vert_speed_mps"
 
 
 def dive_of(file: str) -> str:
-    """The number of a dive, as the file's name has it."""
+    """The number of a dive, from the file's name."""
     return str(int(Path(file).name.partition(".")[0].partition("_")[0][4:]))
 
 
 def read_dives(log: Log, data: Path) -> tuple[Record, Plant]:
-    """The dives of a Seaglider that are fitted, and the glider that the first of them states."""
+    """The dives of a Seaglider for the fit, and the glider according to the first of them."""
     plant = vehicle_from_dive(data / log.files[0], log.vehicle)
     return log.record(data, log.files, needs_of(plant)), plant
 
 
 def read_flight(log: Log, data: Path) -> tuple[Record, Plant]:
-    """A log in flight, with what the science computer logged, and its glider."""
+    """A flight log, with the data of the science computer, and its glider."""
     plant = load_vehicle(log.vehicle)
     return log.record(data, _with_science(log.files), needs_of(plant)), plant
 
@@ -81,7 +81,7 @@ def diagnose_dives(log: Log, places: Places) -> dict[str, Any]:
 
 
 def diagnose_flight(log: Log, places: Places) -> dict[str, Any]:
-    """The diagnosis of a log in flight, parts judged by vehicles fitted without them, and Slocums by gliderflight."""
+    """The diagnosis of a flight log, parts judged by vehicles fitted without them, and Slocums by gliderflight."""
     record, plant = read_flight(log, places.data)
     found = diagnose(record, plant, source=log.name, window=log.window)
     parts = parts_of(plant, found.record, len(found.windows))
@@ -98,12 +98,12 @@ def diagnose_flight(log: Log, places: Places) -> dict[str, Any]:
 
 
 def vertical_velocities(plant: Plant, record: Record) -> tuple[np.ndarray, np.ndarray]:
-    """Of the model at the measured depths, and of the differenced depth, m/s, at the samples of a record."""
+    """Vertical velocities of the model at measured depths, and of the differenced depth, m/s, at each sample."""
     family, inputs, depth = plant.family, inputs_of(plant, record), record["depth_m"]
     heated = family.actuators.index("temperature_C")
     view, slopes, found = family.view(plant.derived), np.empty(family.integrated), np.full(len(record), np.nan)
     between = {n: record[n] for n in family.interpolated if record.has(n)}
-    for name, values in between.items():  # at the sample itself
+    for name, values in between.items():  # values at the sample itself
         inputs[:, family.inputs.index(name)] = values
     shaped, memory, z = np.empty(2), np.empty(2), np.zeros(family.integrated)
     for k in range(len(record)):
@@ -118,13 +118,13 @@ def vertical_velocities(plant: Plant, record: Record) -> tuple[np.ndarray, np.nd
 
 
 def velocity_error(plant: Plant, record: Record) -> float:
-    """RMS of the vertical velocity, model less differenced depth, m/s."""
+    """RMS difference of the vertical velocity, model minus differenced depth, m/s."""
     model, logged = vertical_velocities(plant, record)
     return _rms(model - logged)
 
 
 def operators_error(plant: Plant, record: Record) -> float | None:
-    """RMS error of the vertical velocity that the operators' own model makes of a record, cm/s; None without it."""
+    """RMS error of the vertical velocity by the operators' own model, cm/s; None without it."""
     if not record.has(_OPERATORS):
         return None
     missed = -record[_OPERATORS] - vertical_velocities(plant, record)[1]
@@ -132,10 +132,10 @@ def operators_error(plant: Plant, record: Record) -> float | None:
 
 
 def gliderflight_error(found: Diagnosis, numbers: np.ndarray, environments: Path) -> tuple[float | None, str]:
-    """RMS error of gliderflight's steady model, cm/s, each part by one calibrated without it, and what was calibrated.
+    """RMS error of gliderflight's steady model, cm/s, each part by one calibrated without it, and the calibrated set.
 
-    Of the sets of parameters that its runner tries, the one that is best on unseen parts.  numbers: the part of each
-    row.  None where its environment is not there.
+    The set of parameters is the one, of those that its runner tries, that is best on unseen parts.  numbers: the part
+    of each row.  None if its environment does not exist.
     """
     if not GLIDERFLIGHT.python(environments).exists():
         errors.print(f"{GLIDERFLIGHT.title} is not in {environments}: give --make-peers to install it there.")
@@ -178,6 +178,6 @@ def _rms(values: np.ndarray) -> float:
 
 
 def _with_science(files: Sequence[str]) -> list[str]:
-    """Files, and beside those that dbdreader ships the logs of the science computer, which has the CTD."""
+    """Files, and for those that dbdreader ships also the logs of the science computer, which has the CTD."""
     beside = [find_log(file).with_suffix(".ebd") for file in files if bundled(file)]
     return [*files, *(str(path) for path in beside if path.exists())]

@@ -1,4 +1,4 @@
-"""A measured log: what it is, what is known of it from elsewhere, and what a diagnosis makes of it."""
+"""A measured log: its description, what is known of it from elsewhere, and its diagnosis."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SHOWN = {"rad": ("deg", float(np.rad2deg(1.0))), "rad/s": ("deg/s", float(np.ra
 
 @dataclass(frozen=True)
 class Places:
-    """Where things are: the folder of measured logs, and that of the environments of other people's packages."""
+    """Locations: the folder of measured logs, and that of the environments of other packages."""
 
     data: Path
     peers: Path = Path(".peers")
@@ -34,9 +34,9 @@ class Places:
 
 @dataclass(frozen=True)
 class Error:
-    """How far a signal is off in what no fit has seen: as given, refitted and with effects, and with others' tools.
+    """The error of a signal in unseen data: as given, refitted and with effects, and with others' tools.
 
-    unit: % is of the signal's deviation.  None where runs did not stay finite, or others say nothing.
+    unit: % is of the signal's deviation.  None if runs did not stay finite, or others state nothing.
     """
 
     signal: str
@@ -46,8 +46,8 @@ class Error:
 
 
 def plainly(log: Log, places: Places) -> dict[str, Any]:
-    """The diagnosis of a log, judged by free runs in unseen parts; raises ValueError where it cannot be made."""
-    plant = load_vehicle(log.vehicle)  # makes its channels known, so that rows before their first value are left out
+    """The diagnosis of a log, judged by free runs in unseen parts; raises ValueError if it cannot be made."""
+    plant = load_vehicle(log.vehicle)  # registers its channels, so that rows before their first value are left out
     found = diagnose(log.record(places.data, log.files), plant, source=log.name)
     return kept(found, fits={f"{horizon:g}": rate_fits(found, horizon) for horizon in log.horizons})
 
@@ -59,11 +59,11 @@ class Log:
     files: below the data's folder, or `slocum:NAME`, which dbdreader ships.  judged: files that no fit sees.
     least_depth: m, from which on it is used.  profile: of the water's density.  step: s, to which it is thinned.
     window: s, of free runs; None for the vehicle's.
-    horizons: s, of free runs of the rates, where these are what it is judged by; the first is shown.
-    signals: of the free runs, that are shown; by default all.
+    horizons: s, of free runs of the rates, if it is judged by these; the first is shown.
+    signals: of the free runs to show; by default all.
     source: who made it.  known: what is known of the truth from elsewhere, and from whom.
-    rivals: errors that others state, by signal; rival: who they are.
-    run: makes its result as plain data, see `kept`.
+    rivals: errors stated by others, by signal; rival: who they are.
+    run: returns its result as plain data, see `kept`.
     """
 
     name: str
@@ -83,12 +83,12 @@ class Log:
     run: Callable[[Log, Places], dict[str, Any]] = plainly
 
     def missing(self, data: Path) -> list[str]:
-        """Its files that are not there."""
+        """Its files that do not exist."""
         files = (*self.files, *self.judged, *([self.profile] if self.profile else []))
         return [file for file in files if not bundled(file) and not (data / file).exists()]
 
     def record(self, data: Path, files: Sequence[str], needs: Needs | None = None) -> Record:
-        """Files of it as one record, thinned and cut as it says."""
+        """Some of its files as one record, thinned and cut as described."""
         paths = [file if bundled(file) else data / file for file in files]
         record = read_record(paths, None, needs or ())
         if self.step:
@@ -98,7 +98,7 @@ class Log:
         return with_density(record, read_profiles(data / self.profile)) if self.profile else record
 
     def errors(self, said: Mapping[str, Any]) -> list[Error]:
-        """What its result says of how far vehicles are off, in units for people."""
+        """The errors of the vehicles in its result, in readable units."""
         if "errors" in said:
             found = [Error(**error) for error in said["errors"]]
             found += _of_free_runs(said["error"], self.signals) if self.signals else []
@@ -130,14 +130,14 @@ def _of_free_runs(error: Mapping[str, Any], signals: Sequence[str]) -> Iterator[
 
 
 def kept(found: Diagnosis, **more: Any) -> dict[str, Any]:
-    """What is kept of a log: its diagnosis, the `seconds` of each step, its samples, and more."""
+    """The stored result of a log: its diagnosis, the `seconds` of each step, its samples, and more."""
     return finite({**as_json(found), "seconds": dict(found.seconds), "samples": len(found.record), **more})
 
 
 def rate_fits(found: Diagnosis, horizon: float) -> dict[str, list[float]]:
-    """Of each rate, fit percent as given, refitted and with effects in free runs over so many s, and samples.
+    """For each rate, fit percent as given, refitted and with effects in free runs over `horizon` s, and samples.
 
-    Each part of the log is foretold by a vehicle that was fitted, and whose effects were chosen, without it; NaN where
+    Each part of the log is predicted by a vehicle that was fitted, and whose effects were chosen, without it; NaN if
     its runs do not stay finite.
     """
     parts = parts_of(found.given.plant, found.record, len(found.windows))
@@ -153,7 +153,7 @@ def fit_percents(
     settle: float,
     names: Sequence[str],
 ) -> dict[str, list[float]]:
-    """Of each signal, fit percent at each stage and the samples, each group of windows by a plant of its own."""
+    """For each signal, fit percent at each stage and the samples, each group of windows by a plant of its own."""
     found: dict[str, list[float]] = {name: [] for name in names}
     samples = 0
     for plants in stages:
@@ -171,6 +171,6 @@ def fit_percents(
 
 
 def _windows(record: Record, part: Part, seconds: float) -> list[slice]:
-    """A part in windows of exactly these s, one after the other; a shorter rest is left out."""
-    size = round(seconds / record.sample_interval) + 1  # the last row is so many s after the first
+    """A part in consecutive windows of exactly `seconds`; a shorter remainder is left out."""
+    size = round(seconds / record.sample_interval) + 1  # the last row is `seconds` after the first
     return [slice(a, a + size) for piece in part for a in range(piece.start, piece.stop - size + 1, size)]

@@ -37,7 +37,7 @@ _OPERATORS = "the operators' hydrodynamic model (`vert_speed` in the files); its
 
 
 def _bag(name: str, *signals: str, rivals: bool = True, source: str = _BLUEROV) -> Log:
-    """A log of the BlueROV of 2016, at about the rate at which its thrusters are commanded anew."""
+    """A log of the BlueROV of 2016, at about the rate of its thruster commands."""
     return Log(
         f"BlueROV, {name.split('_2016')[0]}",
         "bluerov",
@@ -53,7 +53,7 @@ def _bag(name: str, *signals: str, rivals: bool = True, source: str = _BLUEROV) 
 
 
 def _dives(glider: str, names: Sequence[str], source: str, known: str) -> list[Log]:
-    """Every other dive fitted and the rest judged, and the reverse."""
+    """Logs with every other dive fitted and the rest judged, and the reverse."""
     files = [f"seaglider/{name}" for name in names]
     halves = tuple(files[0::2]), tuple(files[1::2])
     return [
@@ -165,7 +165,7 @@ LOGS = (
     Log(
         "SEA035, mission 10",
         "seaexplorer",
-        # SEA035.10.gli.sub, without a number, is a copy of .014
+        # SEA035.10.gli.sub, which has no number, is a copy of .014
         tuple(f"seaexplorer/SEA035.10.gli.sub.{k:03d}" for k in range(1, 49)),
         "SeaExplorer, 48 files without a CTD; from `c-proof/pyglider`",
         "nothing; the polar of the preset was fitted to half of this log",

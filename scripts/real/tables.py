@@ -1,4 +1,4 @@
-"""What the page about measured logs says of the results: tables, lines for the README, and the picture."""
+"""The content of the page about measured logs: tables, lines for the README, and the picture."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Results = Sequence[tuple[Log, Said]]
 
 _STAGES = ("as given>", "refitted>", "with effects>", "others>")
 _COLOURS = ("#8a97a3", "#d55e00", "#0072b2", "#009e73")
-_WIDE = 30.0  # largest error over the smallest, from which on an axis is logarithmic
+_WIDE = 30.0  # least ratio of the largest error to the smallest for a logarithmic axis
 _OF_SAMPLES = (" of the log is ", "is assumed", "were dropped")
 _UNITS = {
     "deg": "heading: RMS error of free runs, deg",
@@ -58,7 +58,7 @@ def sheets(results: Results) -> list[Sheet]:
 
 
 def left_out(results: Results) -> list[str]:
-    """A line for each log of which samples are left out or assumed; notes on its columns are not repeated."""
+    """A line for each log about samples left out or assumed; notes on its columns are not repeated."""
     lines = []
     for log, said in results:
         notes = [n for n in dict.fromkeys(said["log_notes"]) if any(words in n for words in _OF_SAMPLES)]
@@ -68,7 +68,7 @@ def left_out(results: Results) -> list[str]:
 
 
 def summary(results: Results) -> list[str]:
-    """The results in the fewest words, for the README: of each log the first signal."""
+    """The results in brief, for the README: the first signal of each log."""
     rows = []
     for log, said in results:
         first = log.errors(said)[0]
@@ -78,7 +78,7 @@ def summary(results: Results) -> list[str]:
 
 
 def figure(results: Results) -> Figure:
-    """Bars of the errors, a panel a unit; on a logarithmic axis where they differ too much to be seen on another."""
+    """Bars of the errors, a panel for each unit; on a logarithmic axis if they differ too much for a linear one."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -126,9 +126,9 @@ def _verdict(said: Said) -> str:
 
 
 def named(said: Said) -> list[str]:
-    """The effects of a result, named or not, with size, interval and frequency, and what each is tied with.
+    """The effects of a result, named or not, with size, interval and frequency, and their ties.
 
-    And terms of no effect that were found in the data.
+    Terms found in the data are included.
     """
     groups = {path: [p for p in group if p != path] for group in said["tied"] for path in group}
     names = []

@@ -1,7 +1,7 @@
 """A BlueROV2 Heavy in a tank under motion capture, on a tether: diagnosed on one run, judged on the other.
 
-What was logged are the axes of a joystick; each thruster gets the sum of those that it serves, with the sign that its
-place gives it, as ArduSub's frame "vectored, 6 DOF" has it.
+The log has the axes of a joystick; each thruster gets the sum of those that it serves, with the sign of its position,
+as in ArduSub's frame "vectored, 6 DOF".
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ JUDGED = ("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps")
 _COLUMNS = {"north_m": "x_m", "east_m": "y_m", "heading_rad": "yaw_rad"} | {
     name: name for name in ("roll_rad", "pitch_rad", *JUDGED)
 }
-_DEPTH = 2.0  # m, where a run begins: only changes were logged
-_JUMP = 1.0  # rad between samples: a heading on its way through half a turn was interpolated between both ends
+_DEPTH = 2.0  # m, assumed initial depth: only changes were logged
+_JUMP = 1.0  # rad between samples: a heading that crossed half a turn was interpolated between both ends
 
 
 def diagnose_run(log: Log, places: Places, fitted: str, judged: str) -> dict[str, Any]:
-    """The diagnosis of one run, and fit percents of free runs in the other; runs by how their names end."""
+    """The diagnosis of one run, and fit percents of free runs in the other; runs by the endings of their names."""
     plant = load_vehicle(log.vehicle)
     runs = runs_of(places.data / log.files[0], find_thrusters(plant))
     one, other = (next(run for name, run in runs.items() if name.endswith(end)) for end in (fitted, judged))
@@ -34,7 +34,7 @@ def diagnose_run(log: Log, places: Places, fitted: str, judged: str) -> dict[str
     stages = [[stage.plant] for stage in (found.given, found.refitted, found.after)]
     fits = {}
     for horizon in log.horizons:
-        windows = [other.windows(1.2 * horizon)]  # starts are fitted to a fifth of it before
+        windows = [other.windows(1.2 * horizon)]  # the starts are fitted to an additional fifth before it
         fits[f"{horizon:g}"] = fit_percents(stages, other, windows, 0.2 * horizon, JUDGED)
     return kept(found, fits=fits)
 
@@ -50,7 +50,7 @@ def runs_of(file: Path, thrusters: Thrusters) -> dict[str, Record]:
 def tank_record(rows: np.ndarray, thrusters: Thrusters, name: str) -> Record:
     """A run as a record with thruster commands.
 
-    rows: of the table, a structured array.  Samples whose heading lies between both ends of its range are left out.
+    rows: of the table, a structured array.  Samples whose heading was interpolated across half a turn are left out.
     """
     step = np.abs(np.diff(rows["yaw_rad"], prepend=rows["yaw_rad"][0], append=rows["yaw_rad"][-1]))
     rows = rows[~((step[:-1] > _JUMP) & (step[1:] > _JUMP))]

@@ -1,3 +1,5 @@
-"""Runners of the benchmarks of identification and of kernel regression: each fits the same arrays in a process, and
-where needed an environment, of its own, and prints what it found as JSON.  See `scripts.benchmarks.peers.runner`.
+"""Runners of the benchmarks of identification and of kernel regression.
+
+Each fits the same arrays in a process of its own, and if needed in an environment of its own, and prints its results as
+JSON.  See `scripts.benchmarks.peers.runner`.
 """

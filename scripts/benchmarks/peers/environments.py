@@ -1,4 +1,4 @@
-"""The packages that identification is measured beside: their environments, and their runners' processes."""
+"""The packages to which identification is compared: their environments, and their runners' processes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rich.progress import Progress
 
 @dataclass(frozen=True)
 class Peer:
-    """A package to measure: its name, its pinned version, and the module that runs it; no version: ours."""
+    """A package to measure: its name, its pinned version, and the module that runs it; no version: this project."""
 
     name: str
     version: str
@@ -64,13 +64,13 @@ def add_peer_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def wide_console() -> Console:
-    """A console for tables of 120 columns, where no terminal says how many there are."""
+    """A console for tables of 120 columns, if no terminal states its width."""
     console = Console()
     return console if console.is_terminal else Console(width=max(console.width, 120))
 
 
 def make(folder: Path, peers: Sequence[Peer] = PEERS) -> None:
-    """Give every peer its environment with its pinned version in it, with pip; raises if one cannot be made."""
+    """Create an environment for every peer, with its pinned version, by pip; raises if one cannot be made."""
     with Progress(transient=True, console=Console(stderr=True)) as progress:
         for peer in progress.track(peers, description="environments"):
             if not peer.python(folder).exists():
@@ -83,7 +83,7 @@ def make(folder: Path, peers: Sequence[Peer] = PEERS) -> None:
 
 
 def run(peer: Peer, folder: Path, environments: Path, threads: int) -> Iterator[dict[str, Any]]:
-    """The lines of a runner as they come; raises if its process ends badly."""
+    """The lines of a runner as they come; raises if its process fails."""
     counts = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), str(threads))
     with tempfile.TemporaryFile("w+", encoding="utf-8") as log:
         process = subprocess.Popen(

@@ -1,7 +1,7 @@
-"""What every runner of kernel machines does: each method learns the arrays of a folder; lines of JSON come out.
+"""The common part of runners of kernel machines: each method learns the arrays of a folder and prints lines of JSON.
 
-Imports nothing but numpy, so that it runs in every peer's environment.  The folder holds jobs.json (section, penalty,
-sigma, ...) and data.npz: x (n, d) and y (n, m) to learn from, fresh_x and fresh_y without noise to be judged on.
+It imports nothing but numpy, so that it runs in every peer's environment.  The folder holds jobs.json (section,
+penalty, sigma, ...) and data.npz: x (n, d) and y (n, m) to learn from, noise-free fresh_x and fresh_y to judge by.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from typing import Any
 import numpy as np
 
 ROWS = 10_000
-ONE_ROW_S = 0.3  # of repeating a prediction of one row
+ONE_ROW_S = 0.3  # time for repeated predictions of one row
 
 
 @dataclass(frozen=True)
 class Method:
-    """A way to a machine: in which section it is measured, and what it is called there.
+    """A way to train a machine: the section in which it is measured, and its name there.
 
-    learn: x, y and the jobs to the machine and what is to be told of it; timed.  predict: a machine and rows to (n, m).
+    learn: x, y and the jobs to the machine and its reported numbers; timed.  predict: a machine and rows to (n, m).
     """
 
     section: str
@@ -34,7 +34,7 @@ class Method:
 
 
 def main(methods: Sequence[Method], argv: Sequence[str] | None = None) -> int:
-    """Run the methods of the section that the folder named by the only argument is for."""
+    """Run the methods of the section of the folder named by the only argument."""
     (folder,) = sys.argv[1:] if argv is None else argv
     jobs = json.loads((Path(folder) / "jobs.json").read_text(encoding="utf-8"))
     with np.load(Path(folder) / "data.npz") as arrays:
@@ -46,7 +46,7 @@ def main(methods: Sequence[Method], argv: Sequence[str] | None = None) -> int:
 
 
 def measured(method: Method, data: Mapping[str, np.ndarray], jobs: Mapping[str, Any]) -> dict[str, Any]:
-    """Seconds to learn and to predict, error on fresh data over its spread, and the peak of memory up to here."""
+    """Seconds to learn and to predict, error on fresh data over its spread, and the peak of memory so far."""
     few = slice(min(len(data["x"]), 100))
     method.predict(method.learn(data["x"][few], data["y"][few], jobs)[0], data["fresh_x"])  # compiles
     begin, cpu = time.perf_counter(), time.process_time()
@@ -67,7 +67,7 @@ def measured(method: Method, data: Mapping[str, np.ndarray], jobs: Mapping[str, 
 
 
 def _least(run: Callable[[], object], seconds: float) -> float:
-    """The shortest of the calls that fit into so many seconds, two at least."""
+    """The shortest of the calls that fit into so many seconds, at least two."""
     begin, least = time.perf_counter(), np.inf
     count = 0
     while count < 2 or time.perf_counter() - begin < seconds:
@@ -79,9 +79,9 @@ def _least(run: Callable[[], object], seconds: float) -> float:
 
 
 def _peak_mb() -> float | None:
-    """The largest memory that this process has held, MB; None where the system does not tell.
+    """The largest memory of this process so far, MB; None if the system does not report it.
 
-    Not by getrusage, which goes on counting from the process that started this one.
+    getrusage is no alternative: it includes the memory of the process that started this one.
     """
     status = Path("/proc/self/status")
     lines = status.read_text(encoding="ascii", errors="replace").splitlines() if status.exists() else []

@@ -1,8 +1,8 @@
-"""gliderflight: its steady model calibrated on all parts of a log but one, and how far it is off in that part.
+"""gliderflight: its steady model calibrated on all parts of a log but one, and its error in that part.
 
-Imports nothing else but numpy, so that it runs in an environment of its own.  The folder holds log.npz, with a row a
-sample and `part`, the part of each (-1: none), and start.json, with mass and volume to begin with.  A line of JSON
-comes out for each set of parameters: what was calibrated, and the RMS error of the vertical velocity, m/s.
+It imports nothing else but numpy, so that it runs in an environment of its own.  The folder holds log.npz, with a row
+for each sample and `part`, the part of each (-1: none), and start.json, with initial mass and volume.  It prints a line
+of JSON for each set of parameters: what was calibrated, and the RMS error of the vertical velocity, m/s.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ SETS = (("mg", "Cd0"), ("mg", "Cd0", "epsilon"), ("mg", "Cd0", "ah"))
 def unseen_error(
     data: dict[str, np.ndarray], part: np.ndarray, start: dict[str, float], names: tuple[str, ...]
 ) -> float:
-    """RMS of the vertical velocity over all parts, each by a model that was calibrated without it."""
+    """RMS error of the vertical velocity over all parts, each by a model calibrated without it."""
     missed = []
     for number in range(part.max() + 1):
         model = SteadyStateCalibrate()
         model.define(Cd0=0.15, **start)
         model.set_input_data(**data)
-        model.set_mask((part == number) | (part < 0))  # what takes no part
+        model.set_mask((part == number) | (part < 0))  # excluded samples
         model.calibrate(*names)
         found = model.solve(dict(data))
         missed.append((found.w - data["dhdt"])[part == number])

@@ -51,7 +51,7 @@ def _each(
 
 
 def _annealed(x: np.ndarray, y: np.ndarray, jobs: Jobs) -> Learnt:
-    """As many evaluations as take the time of a descent."""
+    """Annealing with as many evaluations as fit into the time of a descent."""
     begin = time.perf_counter()
     descend(LsSvmRegression(), x, y)
     allowed = time.perf_counter() - begin

@@ -1,4 +1,4 @@
-"""This project's own estimators, whole fits: a record goes in, a fit with its uncertainty comes out."""
+"""This project's own estimators, whole fits: from a record to a fit with its uncertainty."""
 
 from __future__ import annotations
 

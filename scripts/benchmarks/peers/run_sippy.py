@@ -31,7 +31,7 @@ def _matrices(fitted: Any) -> dict[str, Any]:
     return {"a": fitted.A, "b": fitted.B, "c": fitted.C, "d": fitted.D}
 
 
-# its delay counts from the sample after the input
+# its delay is counted from the sample after the input
 _ARX = partial(_polynomial, id_method="ARX", ARX_orders=[4, 4, 0])
 _ARMAX = partial(_polynomial, id_method="ARMAX", ARMAX_orders=[4, 4, 2, 0])
 METHODS = (

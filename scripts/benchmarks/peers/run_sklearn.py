@@ -23,7 +23,7 @@ from sklearn.svm import SVR
 
 from scripts.benchmarks.peers.kernel_runner import Method, main
 
-EPSILON = 0.05  # of SVR, in spreads of the targets: the noise
+EPSILON = 0.05  # of SVR, in spreads of the targets: the noise level
 FOLDS = 5
 
 Jobs = Mapping[str, Any]
@@ -45,7 +45,7 @@ def _vectors(x: np.ndarray, y: np.ndarray, jobs: Jobs) -> tuple[Any, dict[str, A
 
 
 def _grid(x: np.ndarray, y: np.ndarray, jobs: Jobs) -> tuple[Any, dict[str, Any]]:
-    """The penalties and widths of the jobs, five folds."""
+    """The penalties and widths of the jobs, with five folds."""
     grid = {
         "regressor__kernelridge__alpha": [1.0 / penalty for penalty in jobs["penalties"]],
         "regressor__kernelridge__gamma": [sigma**-2 for sigma in jobs["sigmas"]],

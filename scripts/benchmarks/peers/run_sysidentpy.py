@@ -1,4 +1,4 @@
-"""sysidentpy: least squares, plain and extended, of the eight regressors of the true structure; it tells no C."""
+"""sysidentpy: least squares, plain and extended, with the eight regressors of the true structure; it reports no C."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _fit(data: tuple[np.ndarray, np.ndarray], extended: bool) -> Any:
 
 
 def _coefficients(fitted: Any) -> dict[str, Any]:
-    """Regressors are coded: 1003 is the output three samples before, 2001 the input one sample before."""
+    """Coefficients by their codes: 1003 is the output three samples before, 2001 the input one sample before."""
     found = {int(code[0]): value for code, value in zip(fitted.final_model, np.ravel(fitted.theta))}
     lags = range(1, _LAGS + 1)
     a, b = [-found.get(1000 + lag, 0.0) for lag in lags], [found.get(2000 + lag, 0.0) for lag in lags]

@@ -1,7 +1,7 @@
-"""What every runner does: each method fits each record of a folder; the fit alone is timed, its model is handed back.
+"""The common part of runners: each method fits each record of a folder; only the fit is timed, and its model returned.
 
-Imports nothing but numpy, so that it runs in every peer's environment.  The folder holds jobs.json (samples, seeds,
-budget_s) and SYSTEM_SAMPLES_SEED.npz with u (n, m) and y (n, p).  Lines of JSON come out, one a fit.
+It imports nothing but numpy, so that it runs in every peer's environment.  The folder holds jobs.json (samples, seeds,
+budget_s) and SYSTEM_SAMPLES_SEED.npz with u (n, m) and y (n, p).  It prints a line of JSON for each fit.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from typing import Any
 
 import numpy as np
 
-LEAST_SEEDS = 3  # of a method that is over its budget already
+LEAST_SEEDS = 3  # for a method that is already over its budget
 
 
 @dataclass(frozen=True)
 class Method:
-    """A method of identification: what it is called, of which kind, and how it fits.
+    """A method of identification: its name, its kind, and its fit.
 
-    prepare: u, y to what `fit` takes, not timed.  fit: timed.  model: the fitted one as JSON, not timed; for "armax"
-    coefficients a, b, c from power 0 of the delay on (c absent: not told), for "state_space" matrices a, b, c, d;
-    offset_u, offset_y where signals are taken from there.
+    prepare: u, y to the input of `fit`, not timed.  fit: timed.  model: the fitted one as JSON, not timed; for "armax"
+    coefficients a, b, c from power 0 of the delay on (c absent: not reported), for "state_space" matrices a, b, c, d;
+    offset_u, offset_y if signals are relative to these.
     """
 
     name: str
@@ -53,14 +53,14 @@ def main(methods: Sequence[Method], argv: Sequence[str] | None = None) -> int:
 
 
 def _fits(method: Method, folder: Path, samples: int, seeds: int, budget_s: float) -> Iterator[dict[str, Any]]:
-    """One line a seed, and one with what was left out once the budget is spent or a fit has failed."""
+    """One line for each seed, and one about the rest once the budget is spent or a fit has failed."""
     started = time.perf_counter()
     for seed in range(seeds):
         line: dict[str, Any] = {"samples": samples, "seed": seed}
         try:
             with np.load(folder / f"{method.system}_{samples}_{seed}.npz") as arrays, _at_most(3.0 * budget_s):
                 u, y = arrays["u"], arrays["y"]
-                if seed == 0:  # compiles, imports what is left to import
+                if seed == 0:  # compiles, and completes imports
                     few = min(samples, 1000)
                     method.fit(method.prepare(u[:few], y[:few]))
                 data = method.prepare(u, y)
@@ -68,7 +68,7 @@ def _fits(method: Method, folder: Path, samples: int, seeds: int, budget_s: floa
                 fitted = method.fit(data)
                 line |= {"seconds": time.perf_counter() - begin, "cpu_s": time.process_time() - cpu}
                 line["model"] = {key: np.asarray(value).tolist() for key, value in method.model(fitted).items()}
-        except (Exception, SystemExit) as error:  # one method that fails must not take the others along
+        except (Exception, SystemExit) as error:  # a failing method must not stop the others
             yield {**line, "error": f"{type(error).__name__}: {error}", "left": seeds - seed - 1}
             return
         yield line
@@ -80,7 +80,7 @@ def _fits(method: Method, folder: Path, samples: int, seeds: int, budget_s: floa
 
 @contextmanager
 def _at_most(seconds: float) -> Iterator[None]:
-    """Raises TimeoutError in the block after so many seconds, on systems that have the signal for it."""
+    """Raise TimeoutError in the block after so many seconds, on systems with the needed signal."""
     if not hasattr(signal, "SIGALRM"):
         yield
         return
@@ -99,7 +99,7 @@ def _at_most(seconds: float) -> Iterator[None]:
 
 @contextmanager
 def _lines() -> Iterator[Callable[[dict[str, Any]], None]]:
-    """A function that prints JSON lines; all else that is printed in the block goes to standard error."""
+    """A function that prints JSON lines; anything else printed in the block goes to standard error."""
     sys.stdout.flush()
     kept = os.dup(1)
     os.dup2(2, 1)
