@@ -46,11 +46,11 @@ _FAMILIES = (
         "`effects.oil` acts where the engine is an oil bladder, `effects.piston` where it is a piston.",
     ),
 )
-_LONG_TABLE = 20  # numbers of a curve or a table of thrust, of which only the first and the last are listed
+_LONG_TABLE = 20  # numbers of a curve or a table of thrust above which only the first and the last are listed
 
 
 def write(folder: Path) -> None:
-    """Empty the folder, copy docs/ there, and write the made pages beside."""
+    """Empty the folder, copy docs/ there, and write the generated pages beside."""
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(_ROOT / "docs", folder)
     for path, text in made_pages().items():
@@ -59,7 +59,7 @@ def write(folder: Path) -> None:
 
 
 def made_pages() -> dict[str, str]:
-    """The text of each made page by its path."""
+    """The text of each generated page by its path."""
     return {
         "reference/parts.md": parts_page(),
         "reference/effects.md": effects_page(),
@@ -71,7 +71,7 @@ def made_pages() -> dict[str, str]:
 
 
 def parts_page() -> str:
-    """Every kind of part: its forms and their commands, its parameters and effects."""
+    """The page of every kind of part: its forms and their commands, its parameters and effects."""
     pages = [f"# Parts\n\n{_OF_PARTS}\n"]
     for name, kind in part_kinds().items():
         forms = list((kind.variants or {"": kind}).items())
@@ -97,7 +97,7 @@ def _below(tree: Any, head: str) -> list[str]:
 
 
 def _parameter_table(tree: Any) -> str:
-    """The parameters of a part; of a long table of numbers the first and the last."""
+    """The parameters of a part; for a long table of numbers the first and the last."""
     groups: dict[str, list[str]] = {}
     for path in _below(tree, "parts.NAME."):
         groups.setdefault(path.split(".")[2] if path.count(".") > 2 else "", []).append(path)
@@ -108,7 +108,7 @@ def _parameter_table(tree: Any) -> str:
 
 
 def effects_page() -> str:
-    """Every effect of every family: path, words, unit, neutral value, bounds, probe."""
+    """The page of every effect of every family: path, title, unit, neutral value, bounds, probe."""
     parts = [f"# Effects\n\n{_OF_EFFECTS}\n"]
     for family, title, note in _FAMILIES:
         tree = effects_by_kind()[family]
@@ -123,7 +123,7 @@ def _effect_table(tree: Any, paths: list[str], head: str = "") -> str:
 
 
 def _row(tree: Any, path: str) -> tuple[str, ...]:
-    """A parameter: path, words, unit, default, bounds, probe."""
+    """The row of a parameter: path, title, unit, default, bounds, probe."""
     spec = spec_at(tree, path)
     low, high = spec.bounds
     probe = f"{spec.probe:g}" if spec.probe else ""
@@ -131,13 +131,13 @@ def _row(tree: Any, path: str) -> tuple[str, ...]:
 
 
 def channels_page() -> str:
-    """Every channel: name, words, unit."""
+    """The page of every channel: name, label, unit."""
     rows = [(f"`{name}`", channel.label, channel.unit) for name, channel in CHANNELS.items()]
     return f"# Channels\n\n{_OF_CHANNELS}\n\n" + _table(("channel", "what", "unit"), rows)
 
 
 def commands_page() -> str:
-    """Every command of `auv-gym` with its arguments and options."""
+    """The page of every command of `auv-gym` with its arguments and options."""
     from typer.main import get_command
 
     from auv_gym.cli import app
@@ -157,7 +157,7 @@ def commands_page() -> str:
 
 
 def _beside(name: str) -> str:
-    """A Markdown file beside docs/, its links as seen from there."""
+    """A Markdown file from outside docs/, with its links adapted."""
     text = (_ROOT / name).read_text().replace("](docs/", "](")
     return text.replace("](CHANGELOG.md)", "](changelog.md)").replace("](CONTRIBUTING.md)", "](contributing.md)")
 

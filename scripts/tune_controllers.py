@@ -31,18 +31,18 @@ from controllers.tuning.spread import CHANGE
 from controllers.tuning.tuning import BAND, EVALUATIONS, tuned
 from identification.pages.drawing import shown_values
 
-BESIDES = {"npsauv": (4.0,)}  # s, sample times besides a preset's own; paper 1 samples npsauv so
-PUBLISHED = {("heu_torpedo", 0.1): ("pid", "s_plane")}  # the vehicle that table 4 of Xu et al. 2013 is for
+BESIDES = {"npsauv": (4.0,)}  # s, sample times besides a preset's own; that of npsauv is from paper 1
+PUBLISHED = {("heu_torpedo", 0.1): ("pid", "s_plane")}  # the vehicle of table 4 of Xu et al. 2013
 
 
 def _piloted() -> list[str]:
-    """The presets that autopilots know how to move."""
+    """The presets with autopilots."""
     bodies = {name: load_vehicle(name).family.body for name in list_vehicles()}
     return [name for name, body in bodies.items() if body is None or body.piloted]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Tune the gains of presets, write them into a file, print what they reach."""
+    """Tune the gains of presets, write them into a file, and print their results."""
     parser = argparse.ArgumentParser(description="Tune the gains of PID and S-plane loops by simulation.")
     parser.add_argument("--vehicle", nargs="+", metavar="NAME", help="presets or vehicle files (default: all presets)")
     parser.add_argument("--dt", type=float, help="sample time, s (default: the vehicle's; npsauv also 4 s)")
@@ -81,9 +81,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _bench(plant: Plant, seed: int) -> Bench:
-    """The bench with every main coefficient 20 % up or down, whatever is known of it, as the file of gains was made."""
+    """The bench with every main coefficient 20 % up or down, whatever its uncertainty, as for the file of gains."""
     kind, rng = KINDS.of(plant.family), np.random.default_rng(seed)
-    # some stand in it twice: the later one counts, and both are drawn
+    # some occur twice: the later one counts, and both are drawn
     paths = [*plant.family.coefficients, *(path for path in kind.besides if path in list_paths(plant))]
     plants = [plant]
     for side in (1.0, -1.0):
@@ -95,13 +95,13 @@ def _bench(plant: Plant, seed: int) -> Bench:
 
 
 def _reached(bench: Bench, gains: Gains) -> list[tuple[str, ...]]:
-    """What each loop reaches on the vehicle itself, with noise, in the first step of its target; m, deg and m/s."""
+    """The result of each loop on the vehicle itself, with noise, in the first step of its target; m, deg and m/s."""
     rows, last = [], len(bench.plants)
     bench = bench._replace(plants=(*bench.plants, bench.plants[0]), starts=(*bench.starts, bench.starts[0]))
     for law in gains.loops:
         controller = autopilot(bench.plants[0], law, gains=gains)
         for name in bench.trial.steps:
-            run = tried(bench, last, controller, name)  # with noise that no tuning has seen
+            run = tried(bench, last, controller, name)  # with held-out noise
             part, target = next(segments(run, name))
             size = target - float(run[name][part][0])
             step = step_response(run["time_s"][part], run[name][part], target, max(BAND * abs(size), NOISE[name]))

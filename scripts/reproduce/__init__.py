@@ -1,1 +1,1 @@
-"""Published results reproduced, one module a paper: `python -m scripts.reproduce.NAME`."""
+"""Reproductions of published results, one module for each paper: `python -m scripts.reproduce.NAME`."""

@@ -39,7 +39,7 @@ ANALYTIC, CORRECTED = "ganeshblue", "ganeshblue_corrected"  # equations (14) and
 RUDDER, HEADING, RATE = ("rudder_rad",), ("heading_rad",), ("r_radps",)
 PUBLISHED = 94.61  # %, of the cross-check
 TRAINING_DEG, CROSS_DEG = -15, -30
-ANGLES_DEG = (TRAINING_DEG, CROSS_DEG, 15, 30)  # of the rudder in the logs that judge
+ANGLES_DEG = (TRAINING_DEG, CROSS_DEG, 15, 30)  # of the rudder in the logs to judge by
 LEAD, TURN = 30.0, 120.0  # s at zero rudder, s at its angle; the turn, as 0.5 deg of noise leaves 95.3 % at -15 deg
 DT = 1.0  # s, of the preset; compasses of gliders log once in one to a few seconds
 NOISE_DEG, RESOLUTION_DEG = 0.5, 0.1
@@ -53,11 +53,11 @@ GIVEN = (TRUTH, BARE, SCALED)
 
 @dataclass(frozen=True)
 class Method:
-    """An estimator and what it is given.
+    """An estimator and its data.
 
-    form: heading from its mean at zero rudder ("rest"), as the compass has it ("compass"), or its rate, by
-    differences, whose model is then integrated ("rate").  both: whether a log at +15 deg is fitted too.  part: whether
-    the last third is held out, as `auv-gym identify` does where it is given nothing else to judge by.
+    form: heading relative to its mean at zero rudder ("rest"), as the compass reads it ("compass"), or its rate, by
+    differences, whose model is then integrated ("rate").  both: whether a log at +15 deg is fitted, too.  part: whether
+    the last third is held out, as `auv-gym identify` does without other data to judge by.
     """
 
     estimator: Any
@@ -66,21 +66,21 @@ class Method:
     part: bool = False
 
     def fit(self, logs: Sequence[Record]) -> StateSpace | Model:
-        """The model of heading; raises ValueError where the data cannot tell it."""
+        """The model of heading; raises ValueError if the data do not determine it."""
         records = [_FORMS[self.form](log) for log in (logs if self.both else logs[:1])]
         records = split(records)[0] if self.part else records
         model = self.estimator.fit(*records).model
         return heading_of(model) if self.form == "rate" else model
 
 
-# The defaults look at the log; beside them N4SID as it is set by hand, and the second table without that, one by one.
+# The defaults depend on the log; beside them N4SID with manual settings, and in the second table without each of them.
 # Rest: at zero rudder the heading stays. Estimated from 30 s, that rate is wrong by several percent of the turn, twice
 # as much at +15 deg; and as no pole is found at exactly 1, a heading counted from north drifts in proportion to it.
 # Memory: a sensor's noise on an integrator is predicted best from all of the past, so the horizon is as long as the
 # log allows. Weights: CVA's divide by the spread of the future, which here is the ramp.
 _N4SID = N4sid(RUDDER, HEADING, order=2, horizon=15, weight="n4sid", integrators=0, offset=False)
 _PLAIN = N4sid(RUDDER, HEADING)
-_RATE = replace(_N4SID, outputs=RATE, horizon=14)  # the longest for a log with a sample less
+_RATE = replace(_N4SID, outputs=RATE, horizon=14)  # the longest for a log that is a sample shorter
 _INTEGRATING: dict[str, Any] = {"n_a": 1, "n_b": 1, "integrating": HEADING, "offset": False}
 METHODS = {
     N4SID: Method(_N4SID),
@@ -111,7 +111,7 @@ ALL = (*GIVEN, *METHODS, *SETTINGS)
 
 
 class PoolLog(NamedTuple):
-    """A log as read, and the turn that the vehicle really made, rad, at its times."""
+    """A log as read, and the true turn of the vehicle, rad, at its times."""
 
     record: Record
     turn: np.ndarray
@@ -121,11 +121,10 @@ class PoolLog(NamedTuple):
 
 
 def attempt(case: str, seed: int, noise: float) -> dict[str, dict[str, Any]]:
-    """All models of one noise seed, judged on logs that none was fitted to; noise: deg.
+    """All models of one noise seed, judged on held-out logs; noise: deg.
 
-    By model, fits of free runs, %, and why there is none.  fits: over the logs of ANGLES_DEG as read.  true: likewise,
-    of the heading without its noise.  training: over the log that was fitted.  -inf where there is no model or it
-    diverges.
+    By model, fits of free runs, %, and reasons of failures.  fits: over the logs of ANGLES_DEG as read.  true: the same
+    for the heading without noise.  training: over the fitted log.  -inf if there is no model or it diverges.
     """
     training, judging = training_logs(seed, radians(noise)), judging_logs(seed, radians(noise))
     models, problems = models_of(training, METHODS | SETTINGS)
@@ -144,7 +143,7 @@ def attempt(case: str, seed: int, noise: float) -> dict[str, dict[str, Any]]:
 
 
 def training_logs(seed: int, noise: float) -> list[PoolLog]:
-    """The log at -15 deg, and that at +15 deg for the methods that take both."""
+    """The log at -15 deg, and that at +15 deg for the methods that use both."""
     return [pool_log(angle, noise, np.random.default_rng([seed, 0, angle % 360])) for angle in (TRAINING_DEG, 15)]
 
 
@@ -154,7 +153,7 @@ def judging_logs(seed: int, noise: float) -> list[PoolLog]:
 
 
 def pool_log(angle_deg: int, noise: float, rng: np.random.Generator) -> PoolLog:
-    """A run that lies still until the rudder is put over, from where it turns through south; noise: rad."""
+    """A run at rest until the rudder is put over, from a heading from which it turns through south; noise: rad."""
     run = pool_run(load_vehicle(CORRECTED, dt=DT), radians(angle_deg), TURN)
     before = np.zeros(round(LEAD / DT))
     turn = np.concatenate([before, run[HEADING[0]]])
@@ -174,13 +173,13 @@ def pool_run(plant: Plant, rudder: float, duration: float) -> Record:
 
 
 def read(heading: np.ndarray, noise: float, rng: np.random.Generator) -> np.ndarray:
-    """Readings of a compass, rad: noise, its resolution, and within half a turn of north."""
+    """Readings of a compass, rad: with noise, resolution, and wrapped to half a turn of north."""
     step = radians(RESOLUTION_DEG)
     return wrap(step * np.round((heading + noise * rng.standard_normal(heading.size)) / step))
 
 
 def models_of(training: Sequence[PoolLog], methods: Mapping[str, Method]) -> tuple[dict[str, Model], dict[str, str]]:
-    """The models by name, N4SID's among them and those of GIVEN, and why a method found none."""
+    """The models by name, including N4SID's and those of GIVEN, and the reasons of failed methods."""
     models: dict[str, Model] = {}
     problems: dict[str, str] = {}
     for name, method in ({N4SID: METHODS[N4SID]} | dict(methods)).items():
@@ -207,7 +206,7 @@ def turn_per_rudder(model: Any) -> float:
 
 
 def heading_of(rate: StateSpace) -> StateSpace:
-    """The model of heading whose differences over a sample are those of a model of rate at rest without input."""
+    """The model of heading whose differences over a sample are the rates of a model that is at rest without input."""
     a, b, c, dt = rate.a, rate.b, rate.c, rate.dt
     return StateSpace(
         a=np.block([[a, np.zeros((len(a), 1))], [dt * c @ a, np.ones((1, 1))]]),
@@ -220,7 +219,7 @@ def heading_of(rate: StateSpace) -> StateSpace:
 
 
 def free_runs(models: Mapping[str, Model], log: Record) -> OpenLoop:
-    """Free runs of all models over a log, starts fitted while the rudder is at zero, which is not scored."""
+    """Free runs of all models over a log, with starts fitted while the rudder is at zero, which is not scored."""
     absolute = {name for name, method in (METHODS | SETTINGS).items() if method.form == "compass"}
     rest = {name: model for name, model in models.items() if name not in absolute}
     found = compare_open(rest, from_rest(log), settle=LEAD)
@@ -232,7 +231,7 @@ def free_runs(models: Mapping[str, Model], log: Record) -> OpenLoop:
 
 
 def from_rest(log: Record) -> Record:
-    """The log with heading from its mean before the step."""
+    """The log with heading relative to its mean before the step."""
     heading = log[HEADING[0]]
     return log.with_channels({HEADING[0]: heading - heading[log.time < LEAD].mean()})
 
@@ -297,7 +296,7 @@ def _fits_sheet(title: str, trials: Sequence[Mapping[str, Any]], names: Sequence
 
 
 def failures(found: Found) -> list[str]:
-    """Models without a run: in how many seeds, and the first reason."""
+    """Models without a run: the number of seeds, and the first reason."""
     trials = found.of(CASE)
     reasons = {name: [t["problems"][name] for t in trials if name in t["problems"]] for name in ALL}
     return [f"{name}: no run in {len(of)} of {len(trials)} seeds. {of[0]}" for name, of in reasons.items() if of]

@@ -32,7 +32,7 @@ from scripts.studies.harness import Found, Sheet, Study
 VEHICLE = "heu_torpedo"
 VOLTAGE = 3.5  # V, of the runs in heading and depth
 CONTROLLERS = {"S-plane": "s_plane", "PID": "pid", "GPC": "gpc"}
-CURRENT, UPDRAUGHT = 0.2, 0.03  # m/s, the fastest current that is drawn, horizontally and vertically
+CURRENT, UPDRAUGHT = 0.2, 0.03  # m/s, largest current drawn, horizontal and vertical
 NOISE = {  # standard deviations of the sensors
     "depth": 0.02,  # m
     "compass": radians(0.5),
@@ -40,13 +40,13 @@ NOISE = {  # standard deviations of the sensors
     "gyros": radians(0.2),  # rad/s
     "dvl_water": 0.02,  # m/s
 }
-BAND = 0.05  # of a step, either side of the target
+BAND = 0.05  # of a step, on either side of the target
 BEND = 1e-9
 
 
 @dataclass(frozen=True)
 class Case:
-    """A run: the channel that steps, the steps (time s, value) from a first value, and its length, s."""
+    """A run: the channel of the step, the steps (time s, value) from a first value, and its length, s."""
 
     title: str
     channel: str
@@ -56,7 +56,7 @@ class Case:
 
     @property
     def legs(self) -> list[tuple[float, float, float]]:
-        """Begin and end, s, and target of each step."""
+        """Beginning and end, s, and target of each step."""
         ends = [time for time, _ in self.steps[1:]] + [self.duration]
         return [(time, end, value) for (time, value), end in zip(self.steps, ends, strict=True)]
 
@@ -74,7 +74,7 @@ def speed_at(voltage: float, plant: Plant) -> float:
 
 
 def controlled_run(case: Case, kind: str, seed: int | None, model: Model | None = None) -> Run:
-    """The run of a case under a controller; seed None: without current and noise; model: in the vehicle's place."""
+    """The run of a case under a controller; seed None: without current and noise; model: replaces the vehicle."""
     plant = load_vehicle(VEHICLE)
     cruise = speed_at(VOLTAGE, plant)
     effects = {}
@@ -99,12 +99,12 @@ def controlled_run(case: Case, kind: str, seed: int | None, model: Model | None 
 
 
 def responses(case: Case, run: Run) -> list[Step]:
-    """How the true motion followed each step."""
+    """The step responses of the true motion."""
     time, values = run.truth.time, run.truth[case.channel]
     found, before = [], case.first
     for begin, end, target in case.legs:
         leg = (time >= begin - BEND) & (time < end - BEND)
-        # the step is counted from the target before it, which the vehicle need not have reached to the last digit
+        # the step is counted from the target before it, which the vehicle need not have reached exactly
         shown = values[leg].copy()
         shown[0] = before
         found.append(step_response(time[leg], shown, target, BAND * abs(target - before)))
@@ -125,7 +125,7 @@ def tracking(case: Case, run: Run) -> float:
 
 
 def attempt(name: str, seed: int) -> dict[str, Any]:
-    """How each step of a run was followed, or why the run was cut short."""
+    """The response to each step of a run, or why the run ended early."""
     case, controller = RUNS[name]
     run = controlled_run(case, CONTROLLERS[controller], seed)
     if run.reason:

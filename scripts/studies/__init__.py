@@ -1,1 +1,1 @@
-"""Finished studies, whose figures the documentation gives: `python -m scripts.studies.NAME`."""
+"""Completed studies, with results quoted in the documentation: `python -m scripts.studies.NAME`."""

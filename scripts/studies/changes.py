@@ -35,9 +35,9 @@ from scripts.studies.harness import Found, Option, Sheet, Study
 VEHICLES = tuple(v for name in ("glider", "float") for v in FAMILIES[name].vehicles)
 OTHERS = (*FAMILIES["torpedo"].vehicles, *FAMILIES["rov"].vehicles)  # a log takes minutes
 MULTIPLES = (3.0, 6.0)  # of the detectable size
-DURATION = 600.0  # s, of a log of vehicles whose blind logs have no other
+DURATION = 600.0  # s, length of a log of vehicles whose blind logs have no length of their own
 ATTEMPTS = 60
-MISSIONS = {  # whether the effect is there before and after
+MISSIONS = {  # whether the effect is present before and after
     "missions: the same": (False, False),
     "missions: effect in both": (True, True),
     "missions: effect new": (False, True),
@@ -49,8 +49,8 @@ SEVERAL = {  # of three logs, those with the effect
     "three logs: effect in one": (2,),
     "three logs: effect from the second on": (2, 3),
 }
-_ONLY = {(): (), (1, 2, 3): ("",), (2,): ("log2",), (2, 3): ("since2",)}  # the form in which each is to be named
-ONSETS: dict[str, Callable[[float, Sequence[float]], float]] = {  # share of the effect at a share of the log
+_ONLY = {(): (), (1, 2, 3): ("",), (2,): ("log2",), (2, 3): ("since2",)}  # the expected form of the name
+ONSETS: dict[str, Callable[[float, Sequence[float]], float]] = {  # share of the effect by share of the log
     "log: nothing": lambda t, times: 0.0,
     "log: effect throughout": lambda t, times: 1.0,
     "log: effect from a time on": lambda t, times: float(t >= times[0]),
@@ -58,17 +58,17 @@ ONSETS: dict[str, Callable[[float, Sequence[float]], float]] = {  # share of the
     "log: effect off, on, off": lambda t, times: float(times[0] <= t < times[1]),
     "log: effect on, off, on": lambda t, times: float(not times[0] <= t < times[1]),
 }
-FORMS = {  # in which each is to be named
+FORMS = {  # expected forms of the names
     "log: effect from a time on": FROM,
     "log: effect that grows": GROWING,
     "log: effect off, on, off": BETWEEN,
     "log: effect on, off, on": OUTSIDE,
 }
-SPANS = ((0.15, 0.55), (0.45, 0.85))  # of the log: the least first and second time, and the latest ones
+SPANS = ((0.15, 0.55), (0.45, 0.85))  # shares of the log: ranges of the first and second time
 
 
 def attempt(case: str, seed: int, vehicle: str) -> dict[str, Any]:
-    """What was drawn, and what was found of it."""
+    """The drawn truth, and the findings."""
     rng = np.random.default_rng([seed, len(case), *case.encode()])
     names = VEHICLES if vehicle == "all" else (vehicle,)
     if case in ONSETS:
@@ -103,7 +103,7 @@ def _onset(case: str, plant: Plant, conditions: Conditions, rng: np.random.Gener
         raise ValueError(f"No effect of {plant.name} shows in {ATTEMPTS} draws.")
     begin = perf_counter()
     found = find_onsets(record, plant)
-    # an effect acts from the first sample on that is not before it
+    # an effect acts from the first sample at or after its onset
     truth = [float(record.time[min(np.searchsorted(record.time, t * length), len(record) - 1)]) for t in times]
     own = [f for f in found.found if path and (f.path == path or any(t.endswith(path) for t in f.tied))]
     timed = [[t for t in (f.time, f.second) if t is not None] for f in own if f.form == form]
@@ -135,7 +135,7 @@ def kind_length(plant: Plant, conditions: Conditions) -> float:
 def changing_log(
     plant: Plant, other: Plant, path: str, conditions: Conditions, seed: int, share: Callable[[float], float]
 ) -> Record:
-    """The log of a plant's standard experiment, with an effect of another plant times a share that follows time, s."""
+    """The log of a plant's standard experiment, with an effect of another plant times a share that depends on time."""
     low, high = (value_at(p, path) if path else 0.0 for p in (plant, other))
 
     @cache
@@ -167,7 +167,7 @@ def _several(case: str, plant: Plant, conditions: Conditions, rng: np.random.Gen
     groups = [[changed(p) for p in (e.path, *e.tied_with)] for e in found.effects]
     right = [[form for form, own in group if own == path] for group in groups]
     size = next((e for e in found.effects if changed(e.path) in [(form, path) for form in _ONLY[there]]), None)
-    # of some logs only, an effect is what it adds there
+    # an effect of only some logs is its addition in these
     truth = value_at(other, path) - (value_at(plant, path) if len(there) < len(logs) else 0.0) if path else 0.0
     return {
         "path": path,
@@ -186,7 +186,7 @@ def _several(case: str, plant: Plant, conditions: Conditions, rng: np.random.Gen
 def drawn_logs(
     plant: Plant, conditions: Conditions, rng: np.random.Generator, there: Sequence[bool]
 ) -> tuple[str, Plant, list[Record]]:
-    """Logs, some of them with an effect: its path, "" where none has one, the plant with it, and the logs."""
+    """Logs, some of them with an effect: its path, "" if none has one, the plant with it, and the logs."""
     seeds, path, other = [int(s) for s in rng.integers(2**31, size=len(there))], "", plant
     for _ in range(ATTEMPTS):
         try:
@@ -194,7 +194,7 @@ def drawn_logs(
                 path, other = drawn_effect(plant, conditions, seeds[1], rng)
             plants = [other if effect else plant for effect in there]
             return path, other, [log_of(p, conditions, seed) for p, seed in zip(plants, seeds, strict=True)]
-        except (ValueError, Diverged, np.linalg.LinAlgError):  # the vehicle cannot be kept on its way with it
+        except (ValueError, Diverged, np.linalg.LinAlgError):  # the vehicle cannot be controlled with it
             continue
     raise ValueError(f"No effect of {plant.name} shows in {ATTEMPTS} draws.")
 
@@ -202,9 +202,9 @@ def drawn_logs(
 def drawn_effect(
     plant: Plant, conditions: Conditions, seed: int, rng: np.random.Generator, share: float = 1.0
 ) -> tuple[str, Plant]:
-    """An effect, and the plant with it; raises ValueError where a clean log of this seed would not show it.
+    """An effect, and the plant with it; raises ValueError if a clean log of this seed would not show it.
 
-    share: of the log, the last part, in which it is to show.
+    share: of the log, the last part, in which it must be visible.
     """
     path = str(rng.choice([p for p in effects_of(plant.name) if p not in PERIOD_OF]))
     size = _clean(plant, conditions, seed, share).detectable([path])[path]
@@ -218,7 +218,7 @@ def drawn_effect(
 
 @lru_cache(maxsize=1)
 def _clean(plant: Plant, conditions: Conditions, seed: int, share: float) -> Clean:
-    """The last part of a log without effects, so long that it is this share of it."""
+    """The last part of a log without effects, this share of it."""
     clean = log_of(plant, conditions, seed)
     return Clean.of(plant, clean.select(clean.time >= clean.time[-1] - share * (clean.time[-1] - clean.time[0])))
 

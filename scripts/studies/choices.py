@@ -58,12 +58,12 @@ CHOICES = (WHOLE, *SETTINGS, *CUTS)
 
 
 def logs() -> list[Log]:
-    """Those that are one record, diagnosed as it is read, or gliders' dives that are fitted."""
+    """The logs that are one record, diagnosed as read, or gliders' dives that are fitted."""
     return [log for log in LOGS if not log.name.startswith("BlueROV2 Heavy")]
 
 
 def attempt(case: str, seed: int, data: str) -> list[dict[str, Any]]:
-    """What is named with each choice; seed: not used."""
+    """The names given with each choice; seed: not used."""
     log, folder = next(log for log in logs() if log.name == case), Path(data)
     if missing := log.missing(folder):
         raise ValueError(f"{missing[0]} is not in {data}.")
@@ -97,18 +97,18 @@ def _read(log: Log, data: Path) -> tuple[Record, Plant]:
         return read_dives(log, data)
     if log.run is diagnose_flight:
         return read_flight(log, data)
-    plant = load_vehicle(log.vehicle)  # makes its channels known
+    plant = load_vehicle(log.vehicle)  # registers its channels
     return log.record(data, log.files), plant
 
 
 def groups_of(found: Diagnosis) -> list[list[str]]:
-    """Each effect that is named or that the log acts like, with what is tied with it; the former only are names."""
+    """Each effect that is named or that the log acts like, with its ties; only the former are names."""
     ties = {group[0]: list(group) for group in found.tied}
     return [ties.get(e.path, [e.path]) for e in (*found.effects, *found.alike)]
 
 
 def kept(whole: Sequence[Sequence[str]], other: Sequence[Sequence[str]]) -> int:
-    """How many groups of the whole share a member with one of the others, each with one of its own, at the most."""
+    """The largest number of groups of the whole that can be paired with one of the others by a common member."""
     shared = np.array([[bool(set(a) & set(b)) for b in other] for a in whole], dtype=int).reshape(
         len(whole), len(other)
     )

@@ -44,26 +44,26 @@ VEHICLE, DT = "heu_torpedo", 0.5  # s
 PLANE, PITCH = "stern_plane_rad", "pitch_rad"
 STATES = ("w_mps", "q_radps", PITCH)
 ORDER = len(STATES)
-COLOUR = (1.0, 0.5)  # C of C(q) / A(q), through which white noise disturbs the pitch; A has the vehicle's poles
-NOISE, EXCITATION = 0.002, 0.05  # rad: of that white noise, standard deviation; of the PRBS, amplitude
+COLOUR = (1.0, 0.5)  # C of the disturbance C(q) / A(q) e on the pitch, e white; A has the vehicle's poles
+NOISE, EXCITATION = 0.002, 0.05  # rad: standard deviation of that white noise; amplitude of the PRBS
 HOLD = 2  # samples of the PRBS
 RUN_IN = 200  # samples before a record begins
 OMEGA = (0.1, 0.3, 1.0, 3.0)  # rad/s, at which responses are judged
 LOOPS = ("closed", "open")
-CHANCE = 0.01  # that a method without bias is called biased, over all quantities together
-MATTERS = 0.01  # of a pole, and of a response relative to it: a mean error that is surely larger is a bias
-_GAINS_AT = 0.1  # s, for which the vehicle's gains were tuned
-_LOST = 10.0  # rad, of a pitch that nothing holds
+CHANCE = 0.01  # probability that an unbiased method is called biased, over all quantities together
+MATTERS = 0.01  # least relevant bias of a pole, and of a response relative to it
+_GAINS_AT = 0.1  # s, sample time for which the vehicle's gains were tuned
+_LOST = 10.0  # rad, a pitch that is out of control
 _SPREAD = (5.0, 95.0)  # percentiles of the figure
-_COLUMNS = 4  # of it
+_COLUMNS = 4  # of the figure
 
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """What a method got wrong in each seed: poles, and responses relative to the true one.
+    """The errors of a method in each seed: of poles, and of responses relative to the true one.
 
-    values: (seeds, quantities), by `quantities`.  responses: those of the figure, (seeds, n).  refused: why a record
-    was not fitted, of those that were not.
+    values: (seeds, quantities), by `quantities`.  responses: those of the figure, (seeds, n).  refused: why records
+    were not fitted.
     """
 
     values: np.ndarray
@@ -90,24 +90,24 @@ class Errors:
 
     @property
     def enough(self) -> bool:
-        """Whether there are seeds enough to speak of scatter."""
+        """Whether there are enough seeds for an estimate of scatter."""
         return len(self.values) > 1
 
     @property
     def biased(self) -> bool:
-        """Whether a mean error is larger than MATTERS, and chance alone would hardly bring that about."""
+        """Whether a mean error is significantly larger than MATTERS."""
         return bool((self.least > MATTERS).any())
 
     @cached_property
     def least(self) -> np.ndarray:
-        """The size that the bias of each quantity surely has, all of them together; not above zero: perhaps none."""
+        """The significant size of each quantity's bias, all of them together; zero or below: perhaps none."""
         seeds, count = self.values.shape
         return np.abs(self.bias) - stats.t.ppf(1.0 - 0.5 * CHANCE / count, seeds - 1) * self.error
 
 
 @lru_cache(maxsize=4)
 def truth(vehicle: str = VEHICLE) -> Polynomial:
-    """The pitch of a vehicle whose plane follows its command at once, and what disturbs it, as ARMAX."""
+    """The pitch of a vehicle whose plane follows its command at once, and its disturbance, as ARMAX."""
     quick = {"parts.stern_plane.lag": 0.0, "parts.stern_plane.slowness": 0.0}
     form = linearise(replace_at(load_vehicle(vehicle), quick), [PLANE], [PITCH], states=STATES, dt=DT)
     a = np.real(np.poly(form.poles()))
@@ -119,7 +119,7 @@ def truth(vehicle: str = VEHICLE) -> Polynomial:
 
 
 def pitch_pid(vehicle: str = VEHICLE) -> Pid:
-    """The vehicle's own pitch controller, told the pitch alone, without limits: the loop is linear."""
+    """The vehicle's own pitch controller, with only the pitch as input and without limits: the loop is linear."""
     gains = gains_for(vehicle, _GAINS_AT).loops["pid"]["pitch"]
     return Pid(gains["proportional"], gains["integral"], gains["derivative"], measured=PITCH, command=PLANE)
 
@@ -168,9 +168,9 @@ def simulated(seed: int, samples: int, loop: str = "closed", vehicle: str = VEHI
 def attempt(
     loop: str, seed: int, samples: Sequence[int] = (2000,), vehicle: str = VEHICLE, methods: Sequence[str] = ()
 ) -> dict[str, dict[str, Any]]:
-    """The errors of each method in the first so many samples of one record, by samples, then by method.
+    """The errors of each method for several lengths of one record, by samples, then by method.
 
-    Values by `quantities` and responses by `bode_frequencies`, or why one was not fitted.  methods: by default all.
+    Values by `quantities` and responses by `bode_frequencies`, or why a method failed.  methods: by default all.
     """
     true = truth(vehicle)
     if loop == "open" and not true.state_space.is_stable():
@@ -204,7 +204,7 @@ def errors_by_method(found: Found) -> dict[tuple[str, int], dict[str, Errors]]:
 
 
 def quantities(true: Polynomial) -> tuple[str, ...]:
-    """Names of what is judged."""
+    """Names of the judged quantities."""
     poles = _poles(true)
     named = []
     for number, pole in enumerate(poles[np.imag(poles) >= 0.0], start=1):
@@ -218,7 +218,7 @@ def bode_frequencies() -> np.ndarray:
 
 
 def refusals(found: Found) -> list[str]:
-    """Of each loop, length and method, how many records were not fitted, and why the first was not."""
+    """The number of records that were not fitted, by loop, length and method, and the first reason."""
     return [
         f"{loop} loop, {samples} samples, {method}: {len(errors.refused)} records refused ({errors.refused[0]})"
         for (loop, samples), by_method in errors_by_method(found).items()
@@ -228,7 +228,7 @@ def refusals(found: Found) -> list[str]:
 
 
 def pictures(found: Found) -> dict[str, Callable[[], Figure]]:
-    """A figure for each loop, of the longest records."""
+    """A figure for each loop, from the longest records."""
     vehicle, most = found.options["vehicle"], max(found.options["samples"])
     return {
         f"{loop}_loop_{vehicle}.png": partial(response_figure, by_method, truth(vehicle), f"{loop} loop, {n} samples")
@@ -238,7 +238,7 @@ def pictures(found: Found) -> dict[str, Callable[[], Figure]]:
 
 
 def response_figure(by_method: Mapping[str, Errors], true: Polynomial, words: str) -> Figure:
-    """Gain and phase that each method finds, mean and the band that nine seeds of ten lie in, over the true ones."""
+    """Gain and phase by each method, mean and the band with 90 % of the seeds, over the true ones."""
     from identification.pages.drawing import AFTER, BEFORE, INK, grid, new_figure
 
     omega = bode_frequencies()
@@ -283,7 +283,7 @@ def _over_seeds(done: Sequence[Mapping[str, Any]]) -> Errors:
 
 
 def _wrong(model: Polynomial | StateSpace, true: Polynomial) -> np.ndarray:
-    """Errors of a model by `quantities`; poles are paired with the true ones so that distances add up to the least."""
+    """Errors of a model by `quantities`; poles are paired with the true ones for the least sum of distances."""
     poles, found = _poles(true), _poles(model)
     apart = np.abs(poles[:, None] - found)
     rows, columns = linear_sum_assignment(apart)
@@ -311,7 +311,7 @@ def _poles(model: Polynomial | StateSpace) -> np.ndarray:
 
 
 def _worst(errors: Errors, inside: Sequence[int]) -> int:
-    """Of these quantities, the number of the one whose bias is the surest."""
+    """Among these quantities, the index of the one with the most significant bias."""
     return inside[int(np.argmax(np.abs(errors.t[list(inside)])))]
 
 

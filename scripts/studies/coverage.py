@@ -31,8 +31,8 @@ from identification.linear.uncertainty import pole_intervals, response_band
 from scripts.benchmarks.systems import ARMAX, DT, STATE_SPACE, measured
 from scripts.studies.harness import Found, Option, Sheet, Study
 
-LOW, HIGH = 90.0, 99.0  # %, between which the coverage of 95 % intervals is to lie
-OMEGA = (0.1, 0.5, 1.5)  # rad/s, at which responses are judged
+LOW, HIGH = 90.0, 99.0  # %, acceptable coverage of 95 % intervals
+OMEGA = (0.1, 0.5, 1.5)  # rad/s, frequencies of the judged responses
 NOISE = 0.10  # standard deviation of a disturbance over that of the clean output
 SETTLING = 200  # samples before a record begins
 INPUTS, OUTPUTS = ("rudder_rad", "stern_plane_rad"), ("r_radps", "q_radps")
@@ -49,7 +49,7 @@ COUPLED = Polynomial(
 
 @dataclass(frozen=True)
 class Case:
-    """A method, records of a system that it has the orders of, and the true values of what is judged in a fit.
+    """A method, records of a system with the same orders, and the true values of the judged quantities.
 
     judged: from a fit to its intervals, by name.  true: by name.
     """
@@ -61,7 +61,7 @@ class Case:
 
 
 def attempt(case: str, seed: int, samples: int) -> dict[str, bool] | None:
-    """Whether each interval of a fit to one record holds the truth, by name; None if the record is refused."""
+    """Whether each interval of a fit to one record includes the truth, by name; None if the record is refused."""
     this = CASES[case]
     try:
         intervals = this.judged(this.method.fit(this.record(samples, seed)))
@@ -71,9 +71,9 @@ def attempt(case: str, seed: int, samples: int) -> dict[str, bool] | None:
 
 
 def disturbed(true: Polynomial, hold: int, samples: int, seed: int) -> Record:
-    """A record of a polynomial model driven by a PRBS at each input, its disturbance NOISE times as large as its reply.
+    """A record of a polynomial model driven by a PRBS at each input, with a disturbance of NOISE times its response.
 
-    White noise that goes through C and A, in full from the first sample on.
+    The disturbance is white noise through C and A, stationary from the first sample on.
     """
     rng, size = np.random.default_rng(seed), samples + SETTLING
     u = np.stack([prbs(size, hold, 1.0, rng) for _ in true.inputs], axis=1)
@@ -89,7 +89,7 @@ def disturbed(true: Polynomial, hold: int, samples: int, seed: int) -> Record:
 
 
 def coefficients(true: Polynomial) -> dict[str, float]:
-    """True values of a polynomial model's coefficients by the names that fits give them."""
+    """True values of a polynomial model's coefficients by the names in fits."""
     named = {}
     for letter, array, others in (("a", true.a, true.outputs), ("b", true.b, true.inputs), ("c", true.c, true.outputs)):
         for power in range(1, len(array)):
@@ -124,7 +124,7 @@ def _coefficient_intervals(true: Mapping[str, float]) -> Callable[[PolynomialFit
 
 
 def _response_intervals(true: StateSpace) -> Callable[[LinearFit], dict[str, tuple[float, float]]]:
-    """Intervals of poles, each under the name of the true one that it is nearest to, and of responses."""
+    """Intervals of poles, each named by the nearest true one, and of responses."""
     poles = true.poles()
     poles = poles[np.imag(poles) >= 0.0]
 
@@ -149,7 +149,7 @@ def _response_intervals(true: StateSpace) -> Callable[[LinearFit], dict[str, tup
 
 
 def _driven(a: np.ndarray, added: np.ndarray) -> np.ndarray:
-    """States from rest, (samples, n), by what is added to each in every sample: by modes, each a filter."""
+    """States from rest, (samples, n), driven by the additions in every sample: by modes, each a filter."""
     poles, modes = np.linalg.eig(a)
     forced = added @ np.linalg.inv(modes).T
     run = np.stack([lfilter([0.0, 1.0], [1.0, -pole], column) for pole, column in zip(poles, forced.T)], axis=1)
@@ -185,14 +185,14 @@ CASES: Mapping[str, Case] = {
 
 
 def shares_of(held: Sequence[dict[str, bool] | None]) -> dict[str, float]:
-    """The share of records, %, whose interval holds the truth, by name."""
+    """The share of records, %, whose interval includes the truth, by name."""
     good = [of for of in held if of is not None]
     names = dict.fromkeys(name for of in good for name in of)
     return {name: 100.0 * float(np.mean([of[name] for of in good if name in of])) for name in names}
 
 
 def outside(found: Found) -> dict[tuple[str, str], float]:
-    """The shares, %, that are not between LOW and HIGH, by case and name."""
+    """The shares, %, outside of LOW to HIGH, by case and name."""
     by_case = {case: shares_of(found.of(case)) for case in found.runs}
     return {(case, n): share for case, of in by_case.items() for n, share in of.items() if not LOW <= share <= HIGH}
 

@@ -27,15 +27,15 @@ from identification.diagnosis.log.checking import Asked, check_log
 from identification.diagnosis.search.known import fit_known
 from scripts.studies.harness import Found, Sheet, Study
 
-CASES = {"three dives": (3, 10.0), "one dive": (1, 30.0)}  # how many, and s between samples
+CASES = {"three dives": (3, 10.0), "one dive": (1, 30.0)}  # number of dives, and s between samples
 EPOCH, LATITUDE, LONGITUDE = 1.4e9, 47.0, -125.0
 DEGREE = np.array([111175.0, 76057.0])  # m for a degree to the north and east at 47 deg north (tables of WGS 84)
-OFF = 0.1  # deviation of drag and lift slope, relative; what a diagnosis doubts them by
+OFF = 0.1  # relative deviation of drag and lift slope, as doubted by a diagnosis
 VOLUME = 2e-5  # m^3, deviation of the volume bias
 FIX, DRIFT, COMPASS = 5.0, 0.15, radians(2.0)  # m, m/s, rad: see `auv_gym.plant.currents`
 AFLOAT = (60.0, 400.0)  # s, between a fix and a dive
 CURRENT, NOISE = 0.15, 0.05  # m/s, deviation to either side; m, of the depth
-HEAVE = 0.004, 120.0  # m/s and s, of water that moves up and down at random: the most of the blind dives
+HEAVE = 0.004, 120.0  # m/s and s, of random vertical motion of the water: the strongest of the blind dives
 OFFSET = "effects.volume.offset"
 
 
@@ -66,7 +66,7 @@ def attempt(case: str, seed: int) -> dict[str, Any]:
 def _dive(
     true: Plant, begun: float, every: float, current: np.ndarray, bias: float, rng: np.random.Generator
 ) -> Record:
-    """A dive and a climb, as its log has them every so many s, with a fix before and one after."""
+    """A dive and a climb, logged at an interval of `every` s, with a fix before and one after."""
     time = np.arange(0.0, 9000.0, 10.0)
     bottom, nose, heading = rng.uniform(1600.0, 2400.0), rng.uniform(0.25, 0.5, 2), rng.uniform(0.0, 6.28)
     down = time < bottom
@@ -83,7 +83,7 @@ def _dive(
     flown = simulate(moving, Record.from_arrays(time, columns))
     last = int(np.flatnonzero((flown["depth_m"] < 1.0) & ~down)[0])
     before, after = rng.uniform(*AFLOAT, 2)
-    drift = current + DRIFT * rng.standard_normal(2)  # the wind holds over a dive
+    drift = current + DRIFT * rng.standard_normal(2)  # the wind is constant during a dive
     end = np.array([flown["north_m"][last], flown["east_m"][last]]) + after * drift
     places = (np.stack([-before * drift, end]) + FIX * rng.standard_normal((2, 2))) / DEGREE
     fixes = []
@@ -101,7 +101,7 @@ def _dive(
 
 
 def sheets(found: Found) -> list[Sheet]:
-    """How many intervals hold, and how large errors and standard errors are."""
+    """The share of intervals that hold, and the size of errors and standard errors."""
     rows = []
     for case in found.runs:
         errors, standard, alone = (

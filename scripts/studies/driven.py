@@ -31,13 +31,13 @@ from scripts.blind.own_forces import DAMPING
 from scripts.blind.own_rov import driven
 from scripts.studies.harness import Found, Option, Sheet, Study
 
-OFF = 0.1  # relative standard deviation of the coefficients that are off
-MOST_OFF = 2.0  # of these deviations
+OFF = 0.1  # relative standard deviation of the wrong coefficients
+MOST_OFF = 2.0  # largest error, in these deviations
 
 
 @dataclass(frozen=True)
 class Mission:
-    """A vehicle, what moves it, its current, and which of its coefficients are off."""
+    """A vehicle, its simulator, its current, and its wrong coefficients."""
 
     vehicle: str
     run: Callable[..., Record]
@@ -47,7 +47,7 @@ class Mission:
 
 @dataclass(frozen=True)
 class Case:
-    """A mission with effects; pushes: of the function that makes the log."""
+    """A mission with effects; pushes: arguments of the function that makes the log."""
 
     mission: Mission
     effects: Mapping[str, float] = field(default_factory=dict)
@@ -55,7 +55,7 @@ class Case:
 
     @property
     def true(self) -> dict[str, float]:
-        """All that is to be named."""
+        """All effects that should be named."""
         return {**self.mission.current, **self.effects}
 
 
@@ -87,7 +87,7 @@ CASES: Mapping[str, Case] = {
 
 
 def truth_of(case: str, rng: np.random.Generator) -> Plant:
-    """The vehicle of a case, its coefficients drawn."""
+    """The vehicle of a case, with random coefficients."""
     mission = CASES[case].mission
     plant = load_vehicle(mission.vehicle)
     paths = [path for path in plant.coefficients if mission.off(path)]
@@ -97,7 +97,7 @@ def truth_of(case: str, rng: np.random.Generator) -> Plant:
 
 
 def attempt(case: str, seed: int, duration: float) -> dict[str, Any]:
-    """What is named in a log, with intervals, what is left, and how long it took."""
+    """The names given to a log, with intervals, the remainder, and the time taken."""
     rng, mission = np.random.default_rng([seed, list(CASES).index(case)]), CASES[case].mission
     log = mission.run(truth_of(case, rng), rng, duration, **CASES[case].pushes)
     began = perf_counter()

@@ -51,7 +51,7 @@ EQUATION = Structure.of("Arx", PLANES, ("depth_m",), n_a=3, n_b=2).rows[0]
 
 @dataclass(frozen=True)
 class Design:
-    """A way to excite: a kind, settings of both planes and of each; or a band of pitch, rad, in which to relay."""
+    """A way to excite: a kind, with settings of both planes and of each; or a band of pitch, rad, for a relay."""
 
     name: str
     kind: str = ""
@@ -62,9 +62,10 @@ class Design:
 
 @dataclass(frozen=True)
 class Told:
-    """What a run tells: smallest eigenvalue, condition of the normal matrix; the excitation's crest factor and share
-    of power within the model's band (NaN: none); largest depth error, m, and pitch, rad.
+    """The information in a run: smallest eigenvalue and condition of the normal matrix, and data of the excitation.
 
+    The latter are its crest factor and share of power within the model's band (NaN: none), largest depth error, m, and
+    pitch, rad.
     signals, spectra: of the excitation, by plane.
     """
 
@@ -82,7 +83,7 @@ NUMBERS = ("smallest", "condition", "crest", "in_band", "depth", "pitch")
 
 
 def designs(band: tuple[float, float]) -> list[Design]:
-    """All that are compared; chirps and multisines keep to the band, rad/s, and planes have signals of their own."""
+    """All compared designs; chirps and multisines stay in the band, rad/s, and each plane has its own signal."""
     in_hz = [edge / (2.0 * pi) for edge in band]
     first, last = (round(edge * DURATION) for edge in in_hz)
     return [
@@ -119,7 +120,7 @@ def environment() -> gymnasium.Env:
 
 @cache
 def vehicle() -> Plant:
-    """The environment's."""
+    """The vehicle of the environment."""
     return environment().unwrapped.plant  # type: ignore[attr-defined]
 
 
@@ -127,7 +128,7 @@ def vehicle() -> Plant:
 def model_band() -> tuple[float, float]:
     """The angular frequencies, rad/s, of the vertical plane: from a third of its slowest pole to its fastest.
 
-    Left out are the depth's integrator and what is beyond half the sampling frequency, as the actuators are.
+    The depth's integrator is left out, and so are poles beyond half the sampling frequency, such as the actuators'.
     """
     poles = np.abs(np.log(linearise(vehicle(), inputs=PLANES).poles().astype(complex))) / DT
     own = poles[(poles > 1e-3) & (poles < pi / DT)]
@@ -182,7 +183,7 @@ def excited(pilot: Controller, design: Design, amplitude: float, rng: np.random.
 
 
 def information(plant: Plant, record: Record) -> tuple[float, float]:
-    """Smallest eigenvalue and condition number of the normal matrix per sample, as the module's docstring scales it."""
+    """Smallest eigenvalue and condition number of the normal matrix per sample, scaled as in the module's docstring."""
     limits = dict(zip(plant.inputs, command_limits(plant)))
     problem = regression(Series.of([record], PLANES, ("depth_m",), "Arx"), EQUATION)
     scale = np.array(
@@ -190,7 +191,7 @@ def information(plant: Plant, record: Record) -> tuple[float, float]:
     )
     columns = (problem.matrix - problem.matrix.mean(axis=0)) / scale
     values = np.linalg.svd(columns, compute_uv=False)
-    tiny = values[-1] <= 10.0 * np.finfo(float).eps * max(columns.shape) * values[0]  # zero but for rounding
+    tiny = values[-1] <= 10.0 * np.finfo(float).eps * max(columns.shape) * values[0]  # zero to rounding
     if tiny:
         return 0.0, inf
     return float(values[-1] ** 2 / len(columns)), float((values[0] / values[-1]) ** 2)
@@ -202,7 +203,7 @@ def frequencies(n: int) -> np.ndarray:
 
 
 def spectrum(values: np.ndarray) -> np.ndarray:
-    """Power of a signal about its mean at each line but zero; the sum is the mean square."""
+    """Power of a signal about its mean at each frequency line except zero; the sum is the mean square."""
     power = 2.0 * np.abs(np.fft.rfft(values) / values.size) ** 2
     if values.size % 2 == 0:
         power[-1] *= 0.5
@@ -210,10 +211,10 @@ def spectrum(values: np.ndarray) -> np.ndarray:
 
 
 def share_in_band(spectra: Iterable[np.ndarray], band: tuple[float, float]) -> float:
-    """The part of the power that lies within the band, of all planes together; NaN without power."""
+    """The share of the power within the band, of all planes together; NaN without power."""
     inside = total = 0.0
     for power in spectra:
-        # lines come from an even number of samples
+        # the lines are those of an even number of samples
         at = frequencies(2 * power.size)
         inside += float(power[(at >= band[0]) & (at <= band[1])].sum())
         total += float(power.sum())
@@ -261,7 +262,7 @@ HEADS = (
 
 
 def _spread(first: int, last: int, count: int) -> list[int]:
-    """So many of every other line from the first on, as far up as they go."""
+    """`count` of every other line from the first on, spread as far up as possible."""
     there = np.arange(first, last + 1, 2)
     return [int(k) for k in there[np.unique(np.round(np.linspace(0, there.size - 1, count)).astype(int))]]
 
@@ -316,7 +317,7 @@ def excitation_figure(found: Found) -> Figure:
 
 
 def pictures(found: Found) -> dict[str, Callable[[], Figure]]:
-    """The picture, where some design adds a signal."""
+    """The picture, if some design adds a signal."""
     added = any(run["signals"] for design in found.runs for run in found.of(design))
     return {"excitation.png": lambda: excitation_figure(found)} if added else {}
 

@@ -67,7 +67,7 @@ def sheets(found: Found) -> list[Sheet]:
 
 
 def _row(runs: list[Mapping[str, Any]]) -> list[str]:
-    """How many vehicles, on how many the peak is 2 or less, and median and worst of each quantity."""
+    """The number of vehicles, of those with a peak of 2 or less, and median and worst of each quantity."""
     values = {q: np.array([value for run in runs for value in run[q]], dtype=float) for q in SHOWN}
     peaks = values["sensitivity_peak"]
     cells = [f"{np.median(of):.3g} ({of.max():.3g})" for of in values.values()]

@@ -1,9 +1,9 @@
-"""The frame of all studies: from data and a function of a case and a seed to a command line, tables and pictures.
+"""The common frame of studies: from data and a function of a case and a seed to a command line, tables and pictures.
 
     python -m scripts.studies.NAME --seeds 20 --jobs 2 --out FOLDER
 
-With --out every finished run is a file in FOLDER/runs, and the same command goes on where it was stopped; tables are
-written as results.md and CSV files, pictures as PNG. Without it the tables are printed and nothing is kept.
+With --out every finished run is a file in FOLDER/runs, and the same command resumes where it was stopped; tables are
+written as results.md and CSV files, pictures as PNG.  Without it the tables are printed and nothing is stored.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ from scripts.studies.runs import Failure, read_json, results_of, write_json
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-WIDTH = 150  # columns that tables have at the least
+WIDTH = 150  # least width of tables, columns
 KEPT = "study.json"
 
 
 @dataclass(frozen=True)
 class Option:
-    """A setting that the results of a study depend on, beside case and seed.
+    """A setting that affects the results of a study, beside case and seed.
 
-    least: of a number.  several: it is a list of values.
+    least: of a number.  several: whether it is a list of values.
     """
 
     default: Any
@@ -55,7 +55,7 @@ class Option:
 class Sheet:
     """A table of text; heads as in `auv_gym.cli.options.console.table`; an empty row begins a section.
 
-    name: of its CSV file.  printed: whether it is printed too, and stands in results.md.
+    name: of its CSV file.  printed: whether it is also printed and included in results.md.
     """
 
     name: str
@@ -90,7 +90,7 @@ class Sheet:
 
 @dataclass(frozen=True)
 class Found:
-    """What a study has found: results by case and seed, as plain data, and the options that they depend on.
+    """The findings of a study: results by case and seed, as plain data, and the options that they depend on.
 
     failed: by case and seed, why a run has no result.
     """
@@ -119,15 +119,15 @@ def _good(found: Found) -> bool:
 
 @dataclass(frozen=True)
 class Study:
-    """What a study is.
+    """The definition of a study.
 
-    about: the docstring of its module.  attempt: the result of a case and seed, with the options by name, as plain
-    data (also dataclasses and arrays); ValueError or Diverged says why there is none.  one_of: what a case is called on
-    the command line, "" where it cannot be chosen; usual: the cases by default, else all; any_case: whether names
-    beside `cases` may be given.  seeds: how many by default; None: nothing is drawn.  seeds_of: those of a case.
-    pictures: by file name.  good: whether what was found is as it should be, else the program ends with 1.  facts: what
-    results depend on beside the options.  keeps: whether runs leave files of their own; `attempt` is then given the
-    folder, as `out`.
+    about: the docstring of its module.  attempt: the result of a case and seed, with the options by name, as plain data
+    (also dataclasses and arrays); ValueError or Diverged says why there is none.  one_of: the command-line name of a
+    case, "" if it cannot be chosen; usual: the default cases, else all; any_case: whether names outside `cases` may be
+    given.  seeds: default number; None: nothing is random.  seeds_of: those of a case.
+    pictures: by file name.  good: whether the findings are as expected, else the program returns 1.  facts:
+    dependencies of the results beside the options.  keeps: whether runs write files of their own; `attempt` is then
+    given the folder, as `out`.
     """
 
     about: str
@@ -157,7 +157,7 @@ class Study:
         out: Path | None = None,
         **options: Any,
     ) -> Found:
-        """Run what is not kept in `out`; raises ValueError where that holds another study, or all runs failed."""
+        """Run what is not stored in `out`; raises ValueError if that holds another study, or if all runs failed."""
         chosen = {name: option.default for name, option in self.options.items()} | options
         for name, option in self.options.items():
             given = chosen[name] if option.several else [chosen[name]]
@@ -182,7 +182,7 @@ class Study:
         return Found(runs, chosen, failed, out)
 
     def _chosen(self, cases: Sequence[str] | None) -> Sequence[str]:
-        """The cases of these names or patterns, by default all; raises where there is none."""
+        """The cases of these names or patterns, by default all; raises if there is none."""
         found: dict[str, None] = {}
         for name in self.usual or self.cases if cases is None else cases:
             matching = [case for case in self.cases if fnmatchcase(case, name)] or [name] * self.any_case
@@ -192,7 +192,7 @@ class Study:
         return list(found)
 
     def main(self, argv: Sequence[str] | None = None) -> int:
-        """Run the study, print its tables, write them and its pictures; 1 where something failed or is not good."""
+        """Run the study, print its tables, write them and its pictures; return 1 if something failed or is not good."""
         given = vars(self._parser().parse_args(argv))
         first, seeds = given.pop("seed", 0), given.pop("seeds", 1)
         jobs, out = given.pop("jobs"), given.pop("out")
@@ -251,14 +251,14 @@ def _first(value: Any) -> Any:
 
 
 def positive(text: str) -> int:
-    """A count for a command line."""
+    """A positive count from the command line."""
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"needs a whole number of at least 1, got {text}")
     return int(text)
 
 
 def begin(out: Path, facts: Mapping[str, Any]) -> None:
-    """Say in the folder what its results depend on; raises where it holds results of a study with other settings."""
+    """Record the dependencies of the results in the folder; raises if it holds results with other settings."""
     writable_folder(out / "runs")
     wanted = json.loads(json.dumps(facts))
     if not (out / KEPT).is_file():
@@ -271,7 +271,7 @@ def begin(out: Path, facts: Mapping[str, Any]) -> None:
 
 
 def write_sheets(sheets: Sequence[Sheet], out: Path) -> list[Path]:
-    """Write results.md and a CSV file for each table; the files."""
+    """Write results.md and a CSV file for each table; return the files."""
     texts = {"results.md": "\n".join(sheet.markdown() for sheet in sheets if sheet.printed)}
     texts |= {f"{sheet.name}.csv": sheet.csv() for sheet in sheets}
     for name, text in texts.items():
@@ -280,7 +280,7 @@ def write_sheets(sheets: Sequence[Sheet], out: Path) -> list[Path]:
 
 
 def write_pictures(pictures: Mapping[str, Callable[[], Figure]], out: Path) -> list[Path]:
-    """Draw pictures into a folder by their file names; the files.  Raises ImportError without matplotlib."""
+    """Draw pictures into a folder by their file names; return the files.  Raises ImportError without matplotlib."""
     from identification.pages.drawing import STYLE, require_render
 
     require_render()

@@ -49,14 +49,14 @@ def attempt(vehicle: str, seed: int) -> dict[str, Any]:
         held[f"{part.name} lost, unknown"] = _held(broken, pid)
         try:
             known = autopilot(plant, lost={part.name: 1.0})
-        except ValueError:  # the others do not serve all axes
+        except ValueError:  # the remaining thrusters cannot control all axes
             continue
         held[f"{part.name} lost, known"] = _held(broken, known)
     return {"steps": steps, "held": held}
 
 
 def _step(plant: Plant, pilot: Controller, name: str) -> tuple[float, float, float]:
-    """Seconds until settled for good, overshoot in percent of the step, and error that stays, of a step."""
+    """Settling time, s, overshoot in percent of the step, and final error of a step."""
     size, begin = STEPS[name], HOLD[name]
     targets = {n: [(0.0, value), *([(2.0, value + size)] if n == name else [])] for n, value in HOLD.items()}
     run = run_trial(plant, pilot, targets, 30.0, start=at_rest(plant, {"depth_m": DEPTH}))
@@ -66,7 +66,7 @@ def _step(plant: Plant, pilot: Controller, name: str) -> tuple[float, float, flo
 
 
 def _held(plant: Plant, pilot: Controller) -> dict[str, float]:
-    """The largest and the last distance from the place, m, turn off the heading and tilt, rad."""
+    """The largest and the final distance from the position, m, heading error and tilt, rad."""
     targets = {name: [(0.0, value)] for name, value in HOLD.items()}
     run = run_trial(plant, pilot, targets, SETTLED, start=at_rest(plant, {"depth_m": DEPTH}))
     away = np.sqrt(run["north_m"] ** 2 + run["east_m"] ** 2 + (run["depth_m"] - DEPTH) ** 2)

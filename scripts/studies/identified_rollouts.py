@@ -38,8 +38,8 @@ from scripts.studies.harness import Found, Sheet, Study
 
 UNKNOWN = "not identified"
 METHODS = ("armax", "n4sid", "grey_box")
-SHARES = (0.85, 1.15)  # of the true values, in turn, that the grey box begins from
-TEST_SEEDS = 1000  # added to a seed, so that an episode's noise is not that of the experiment
+SHARES = (0.85, 1.15)  # initial values of the grey box over the true ones, alternating
+TEST_SEEDS = 1000  # added to a seed, so that an episode's noise differs from the experiment's
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Task:
 
     excitation: (amplitude, s of a bit) of a PRBS by actuator or set point, about `held`.  steps: of the task.
     options: of the environment.  guard: settings of the autopilot in the experiment alone.  armax, order: orders of the
-    linear models.  free, window: of the grey box.  judged: the channel that is.
+    linear models.  free, window: of the grey box.  judged: the judged channel.
     """
 
     env: str
@@ -106,12 +106,12 @@ TASKS: Mapping[str, Task] = {
         steps={"heading_rad": [(0.0, 0.0), (10.0, radians(20.0)), (60.0, radians(-10.0))]},
         options=_sensors(**_TORPEDO),
         inputs=("rudder_rad",),
-        outputs=("r_radps",),  # which the controller reads beside the heading, so that both have to agree
+        outputs=("r_radps",),  # the controller reads it beside the heading, so both have to agree
         armax={"n_a": 2, "n_b": 2, "n_c": 2},
         order=2,
         free=("hull.sway.uv", "hull.yaw.uv", "hull.yaw.ur", "parts.rudder.moment"),
         judged="heading_rad",
-        window=10.0,  # s: its pitch is unstable, and a free run of minutes says nothing of it
+        window=10.0,  # s: its pitch is unstable, so a free run of minutes is useless
     ),
     "slocum": Task(
         env="GliderHeading",
@@ -147,7 +147,7 @@ TASKS: Mapping[str, Task] = {
 
 
 def attempt(vehicle: str, seed: int, methods: Sequence[str] = METHODS) -> dict[str, Any]:
-    """Deviations of one seed by model, in percent of the step and in the channel's unit, and why others have none."""
+    """Deviations of one seed by model, in percent of the step and in the channel's unit, and reasons of failures."""
     done, failed = compared(vehicle, seed, methods)
     judged = {name: of[TASKS[vehicle].judged] for name, of in done.deviations.items()}
     return {
@@ -158,7 +158,7 @@ def attempt(vehicle: str, seed: int, methods: Sequence[str] = METHODS) -> dict[s
 
 
 def compared(vehicle: str, seed: int, methods: Sequence[str] = METHODS) -> tuple[ClosedLoop, dict[str, str]]:
-    """An experiment, the fits, and the episodes of one seed; why there is no fit, by method."""
+    """An experiment, the fits, and the episodes of one seed; reasons of failed fits, by method."""
     task = TASKS[vehicle]
     plant = load_vehicle(vehicle, dt=task.dt)
     record = experiment(task, plant, np.random.default_rng(seed))
@@ -182,7 +182,7 @@ def compared(vehicle: str, seed: int, methods: Sequence[str] = METHODS) -> tuple
 
 
 def experiment(task: Task, plant: Plant, rng: np.random.Generator) -> Record:
-    """The record of a vehicle under its autopilot with excitation added; raises if the episode is cut short."""
+    """The record of a vehicle under its autopilot with excitation added; raises if the episode ends early."""
     length = task.lengths[0]
     signals = {
         name: make_signal("prbs", round(length / task.dt), task.dt, rng, amplitude=amplitude, clock_s=clock)
@@ -197,7 +197,7 @@ def experiment(task: Task, plant: Plant, rng: np.random.Generator) -> Record:
 
 
 def off(plant: Plant, paths: Sequence[str], shares: tuple[float, float]) -> Plant:
-    """A plant whose coefficients are wrong by these shares in turn."""
+    """A plant whose coefficients are wrong by these shares, alternating."""
     return replace_at(plant, {path: shares[i % 2] * value_at(plant, path) for i, path in enumerate(paths)})
 
 

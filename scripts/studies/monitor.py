@@ -32,12 +32,12 @@ from scripts.blind.kinds import effects_of, known, log_of
 from scripts.blind.logs import Conditions
 from scripts.studies.harness import Found, Option, Sheet, Study
 
-# s, of a log with a fault and of a clean one; those of the float are all as long
+# s, length of a log with a fault and of a clean one; those of the float are equally long
 VEHICLES = {"slocum": (7200.0, 72000.0), "qiandao_float": (2400.0, 2400.0), "npsauv": (600.0, 3600.0)}
 CLEAN, DELAY, STEADY = "clean: ", "delay: ", ", steady gains"
 _RATES = {"slocum": 0.2, "qiandao_float": 1.0, "npsauv": 1.0}  # an hour
 _SIZES = (0.2, 1.0)
-_NOT_AT_ONCE = ("dead_time", "clock")  # the length of a vehicle's memory of commands follows from these
+_NOT_AT_ONCE = ("dead_time", "clock")  # these determine the length of a vehicle's command history
 
 
 @cache
@@ -56,7 +56,7 @@ def vehicle_of(case: str) -> str:
 
 
 def attempt(case: str, seed: int, fitted: str) -> dict[str, Any]:
-    """Alarms, hours and samples a second of a clean log, or delays of a fault."""
+    """Alarms, hours and samples per second of a clean log, or delays of a fault."""
     vehicle, monitor = vehicle_of(case), monitor_of(case, fitted == "yes")
     rng = np.random.default_rng([seed, len(case), *case.encode()])
     duration = VEHICLES[vehicle][case.startswith(CLEAN)]
@@ -69,7 +69,7 @@ def attempt(case: str, seed: int, fitted: str) -> dict[str, Any]:
 
 
 def _delays(monitor: Monitor, record: Record, rng: np.random.Generator) -> dict[str, Any]:
-    """Of a fault that is drawn until one moves the innovations enough."""
+    """Delays of a fault, drawn until one moves the innovations enough."""
     plant, wanted = monitor.learned.plant, float(rng.uniform(*_SIZES))
     paths = [p for p in effects_of(plant.name) if p not in PERIOD_OF and not any(n in p for n in _NOT_AT_ONCE)]
     onset, rate = len(record) // 2, monitor.learned.interval * monitor.false_alarms_per_hour / 3600.0
@@ -77,7 +77,7 @@ def _delays(monitor: Monitor, record: Record, rng: np.random.Generator) -> dict[
         spec = spec_at(plant, path)
         side = rng.choice([-1.0, 1.0]) if spec.bounds[0] < spec.neutral else 1.0
         size, reached = side * 3.0 * spec.probe, 0.0
-        for _ in range(4):  # to a size that moves them so far
+        for _ in range(4):  # iterates to a size that moves them as wanted
             value = spec.neutral + size
             if not spec.bounds[0] < value < spec.bounds[1]:
                 break
@@ -116,9 +116,9 @@ def seed_of(rng: np.random.Generator) -> int:
 def _logs(
     monitor: Monitor, record: Record, other: Plant, onset: int, rng: np.random.Generator
 ) -> tuple[Record, Record]:
-    """The commands of a log to a vehicle that becomes another one at a row, and to one that does not.
+    """The commands of a log applied to a vehicle that becomes another one at a row, and to one that does not.
 
-    Both have the same white noise, which is the monitor's.
+    Both have the same white noise, with the monitor's deviations.
     """
     plan = monitor.learned.plan
     plant = plan.plant
@@ -140,7 +140,7 @@ def _logs(
 
 
 def _innovations(monitor: Monitor, log: Record) -> np.ndarray:
-    """Those of the monitor's filter with gains that vary, by rows, zero while they do not count."""
+    """The innovations of the monitor's filter with varying gains, by rows, zero while they do not count."""
     plan = replace(monitor.learned.plan, gains=None, whiten=None)
     own, rows = OnlineFilter(plan), np.zeros((len(log), len(plan.channels)))
     inputs, outputs = inputs_of(plan.plant, log), outputs_of(plan.plant, log)
@@ -154,8 +154,8 @@ def _innovations(monitor: Monitor, log: Record) -> np.ndarray:
 def bar_of(moves: float, rate: float) -> float:
     """The bar of a CUSUM for a mean of `moves` deviations with `rate` false alarms a sample.  Source: Siegmund 1985.
 
-    In his eq. 2.57, the mean time between false ones is 2 (exp(b) - b - 1) / moves^2, where b is moves times the bar
-    of the sum of normal numbers, with 1.166 added for the overshoot.
+    In his eq. 2.57, the mean time between false alarms is 2 (exp(b) - b - 1) / moves^2, where b is moves times the bar
+    of the sum of normal numbers, plus 1.166 for the overshoot.
     """
     found = root_scalar(lambda b: 2.0 * (np.expm1(b) - b) / moves**2 - 1.0 / rate, bracket=(1e-6, 60.0))
     return float(found.root - 1.166 * moves)

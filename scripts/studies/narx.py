@@ -36,12 +36,12 @@ METHODS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "NARX 4": ("narx_ls_svm", {"n_a": 4, "n_b": 3}),
     "NARX 4, one step": ("narx_ls_svm", {"n_a": 4, "n_b": 3, "tuning": "leave_one_out"}),
 }
-TOY_NOISE = 0.05  # rad/s, of outputs that span 2
+TOY_NOISE = 0.05  # rad/s; the outputs span 2 rad/s
 
 
 @dataclass(frozen=True)
 class Case:
-    """A system: record(seed, noisy), and what is fitted of it.  window: s, of free runs; None: whole records."""
+    """A system: record(seed, noisy), and the fitted channels.  window: s, of free runs; None: whole records."""
 
     name: str
     record: Callable[[int, bool], Record]
@@ -67,14 +67,14 @@ def torpedo(seed: int, noisy: bool) -> Record:
 
 
 def piston_float(seed: int, noisy: bool) -> Record:
-    """An hour of a profiling float that holds six depths, at even samples."""
+    """An hour of a profiling float that holds six depths, evenly sampled."""
     plant = load_vehicle("qiandao_float")
     rng, targets = np.random.default_rng(seed), [30.0, 10.0, 40.0, 20.0, 35.0, 15.0]
     return depth_control(plant, targets, rng=rng, noise=0.02 if noisy else 0.0, near=(0.0, plant.dt))
 
 
 def toy(seed: int, noisy: bool, samples: int = 1500) -> Record:
-    """A saturating input, a product of input and output, and a square, on a second-order lag."""
+    """A second-order lag with a saturating input, a product of input and output, and a square."""
     rng = np.random.default_rng(seed)
     u = np.repeat(rng.uniform(-1.0, 1.0, samples // 5 + 1), 5)[:samples]
     y = np.zeros(samples)
@@ -99,7 +99,7 @@ CASES = {f"{case.name}{noise}": case for case in SYSTEMS for noise in ("", NOISY
 
 
 def attempt(case: str, seed: int) -> dict[str, dict[str, float]]:
-    """Fit of free runs in percent by method and output; minus infinity where a method has none."""
+    """Fit of free runs in percent by method and output; minus infinity for a failed method."""
     of = CASES[case]
     train, held = of.record(seed, case.endswith(NOISY)), of.record(1000 + seed, False)
     found = {}

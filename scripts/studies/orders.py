@@ -23,11 +23,11 @@ SYSTEM, RIGHT = "armax", (4, 4, 2)
 OWN, INPUT, NOISE = range(3, 7), range(2, 7), range(4)  # n_a, n_b, n_c
 CRITERIA = ("mdl", "bic", "aic", "parsimony")
 FRESH = 2000  # samples of the data to judge by
-SHOWN = 3  # orders in the table, the most frequent
+SHOWN = 3  # number of orders in the table, the most frequent ones
 
 
 def attempt(case: str, seed: int, samples: int) -> dict[str, Any]:
-    """By criterion, the orders (n_a, n_b, n_c) that it chooses on one record, and the fit, %, over fresh data."""
+    """The orders (n_a, n_b, n_c) chosen on one record, by criterion, and the fit, %, over fresh data."""
     record, system = measured(case, samples, seed).record, truth(case)
     search = search_orders(case, [record], system.inputs, system.outputs, n_a=OWN, n_b=INPUT, n_c=NOISE)
     fits: dict[tuple[int, int, int], float] = {}
@@ -42,7 +42,7 @@ def attempt(case: str, seed: int, samples: int) -> dict[str, Any]:
 
 
 def _fresh_fit(search: OrderSearch, criterion: str, record: Any, seed: int) -> float:
-    """Fit, %, of a free run from rest over data without noise; -inf where it leaves the finite numbers."""
+    """Fit, %, of a free run from rest over data without noise; -inf if it leaves the finite numbers."""
     model, fresh = search.estimator(criterion).fit(record).model, clean(SYSTEM, FRESH, seed)
     try:
         run = model.run(fresh.record, fresh.record.segments, np.zeros((1, len(model.states))))  # type: ignore[attr-defined]

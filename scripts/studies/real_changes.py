@@ -36,12 +36,12 @@ def _log(name: str) -> Log:
 
 
 def _read(log: Log, data: Path) -> tuple[Record, Plant]:
-    plant = load_vehicle(log.vehicle)  # makes its channels known
+    plant = load_vehicle(log.vehicle)  # registers its channels
     return log.record(data, log.files), plant
 
 
 def dives_in_two(name: str, data: Path) -> list[str]:
-    """The earlier half of a record's segments, which are dives, against the later one."""
+    """The earlier half of a record's dives against the later one."""
     record, plant = _read(_log(name), data)
     half = record.segments[len(record.segments) // 2].start
     early = np.arange(len(record)) < half
@@ -55,7 +55,7 @@ def two_logs(before: str, after: str, data: Path) -> list[str]:
 
 
 def currents(name: str, beside: Sequence[str], parts: int, data: Path) -> list[str]:
-    """The current in each of a log's parts of equal time, each fitted alone, beside what the whole log names."""
+    """The current in each of a log's parts of equal time, each fitted alone, beside the names of the whole log."""
     record, plant = _read(_log(name), data)
     edges, lines = np.linspace(record.time[0], record.time[-1], parts + 1), []
     for k, (begin, end) in enumerate(pairwise(edges), 1):

@@ -1,4 +1,4 @@
-"""Many independent runs over processes: a bar that counts them, and a file for each that is finished."""
+"""Many independent runs in several processes: a progress bar, and a file for each finished run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from auv_gym.writing import write_text
 
 @dataclass(frozen=True)
 class Failure:
-    """In the place of a result: why there is none."""
+    """The reason of a missing result, in place of it."""
 
     reason: str
 
@@ -29,10 +29,10 @@ def results_of(
     doing: str,
     kept: Sequence[Path] | None = None,
 ) -> list[Any]:
-    """Results of work(*task) as plain data, in the order of the tasks; where one raises, a `Failure`.
+    """Results of work(*task) as plain data, in the order of the tasks; a `Failure` if one raises.
 
-    kept: a file for each task; a task whose file is there is not run, and each file is written, whole, by the process
-    that did the task. A failed task has none and is run again the next time.
+    kept: a file for each task; a task with an existing file is not run, and each file is written, as a whole, by the
+    process that did the task. A failed task has no file and is run again the next time.
     """
     results: list[Any] = [None] * len(tasks)
     with progress_bar() as show:
@@ -43,7 +43,7 @@ def results_of(
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Plain data to a file, whole or not at all."""
+    """Write plain data to a file, as a whole or not at all."""
     write_text(path, json.dumps(content, indent=1, default=_plain) + "\n")
 
 
@@ -75,7 +75,7 @@ def _run(work: Callable[..., Any], at: int, task: tuple, path: Path | None) -> t
 
 
 def _plain(value: Any) -> Any:
-    """Dataclasses as objects, arrays and numbers of numpy as lists and numbers, complex ones as pairs."""
+    """Dataclasses as objects, arrays and numpy numbers as lists and numbers, complex ones as pairs."""
     if is_dataclass(value) and not isinstance(value, type):
         return asdict(value)
     if isinstance(value, complex):

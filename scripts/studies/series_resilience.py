@@ -33,11 +33,11 @@ PARTS = {
     "kill": "killed halfway with SIGKILL, workers and all, and resumed",
     "dask": "on a Dask scheduler with two worker processes, one killed halfway",
 }
-PATIENCE = 1800.0  # s, for a series
+PATIENCE = 1800.0  # s, time limit of a series
 
 
 def attempt(part: str, seed: int, missions: int, duration: float) -> dict[str, Any]:
-    """What a part found; `same`: its files are those of the series that one process followed undisturbed."""
+    """The findings of a part; `same`: whether its files equal those of an undisturbed series in one process."""
     with tempfile.TemporaryDirectory(prefix="auv-gym-") as name:
         folder = Path(name)
         logs = dives(folder, seed, missions, duration)
@@ -48,7 +48,7 @@ def attempt(part: str, seed: int, missions: int, duration: float) -> dict[str, A
 
 
 def dives(folder: Path, seed: int, missions: int, duration: float) -> list[str]:
-    """Logs of a glider whose rudder offset grows from one to the next."""
+    """Logs of a glider whose rudder offset grows from log to log."""
     plant, files = load_vehicle(VEHICLE), []
     for k in range(missions):
         flown = replace_at(plant, GROWS, BY * k / missions)
@@ -97,7 +97,7 @@ def _clustered(logs: Sequence[str], out: Path) -> dict[str, Any]:
 
 @contextmanager
 def cluster(workers: int) -> Iterator[tuple[str, list[subprocess.Popen]]]:
-    """The address of a Dask scheduler on the loopback, and its worker processes, without nannies to restart them."""
+    """The address of a Dask scheduler on the loopback interface, and its workers, without nannies to restart them."""
     with tempfile.TemporaryDirectory(prefix="auv-gym-") as folder:
         told = Path(folder) / "scheduler.json"
         dask = [sys.executable, "-m", "dask"]
@@ -121,7 +121,7 @@ def cluster(workers: int) -> Iterator[tuple[str, list[subprocess.Popen]]]:
 
 
 def wait(ready: Callable[[], bool]) -> None:
-    """Wait until something is ready; raises ValueError where it takes longer than `PATIENCE`."""
+    """Wait until something is ready; raises ValueError if it takes longer than `PATIENCE`."""
     deadline = time.monotonic() + PATIENCE
     while not ready():
         if time.monotonic() > deadline:
@@ -134,14 +134,14 @@ def _written(out: Path) -> int:
 
 
 def sheets(found: Found) -> list[Sheet]:
-    """What each part found."""
+    """The findings of each part."""
     rows = [[PARTS[part], what, str(value)] for part in found.runs for what, value in found.of(part)[0].items()]
     title = f"A series of {found.options['missions']} missions"
     return [Sheet("resilience", title, ("series", "what", "value>"), rows)]
 
 
 def good(found: Found) -> bool:
-    """Whether all files are the same, and nothing that was kept was done again."""
+    """Whether all files are the same, and no stored result was computed again."""
     results = [found.of(part)[0] for part in found.runs]
     return all(one["same"] and one.get("kept") == one.get("after") for one in results)
 

@@ -36,12 +36,12 @@ VEHICLES = (
     "bluerov",
     "bluerov2_heavy",
 )
-LAKE = {"target_depths": [60.0, 20.0, 50.0, 10.0, 40.0, 5.0], "duration": 1500.0}  # where both can be chosen
-DURATION, WINDOW = 200.0, 25.0  # s, of a log of a hull and its parts and of its windows
+LAKE = {"target_depths": [60.0, 20.0, 50.0, 10.0, 40.0, 5.0], "duration": 1500.0}  # if both can be chosen
+DURATION, WINDOW = 200.0, 25.0  # s, lengths of a log of a hull and its parts and of its windows
 
 
 def attempt(vehicle: str, seed: int) -> list[dict[str, Any]]:
-    """The log as it is, "", and with each slip in turn: the slip, and the doubts that were raised."""
+    """The unchanged log, "", and the log with each slip in turn: the slip, and the doubts raised."""
     plant = load_vehicle(vehicle)
     record = log_of(plant, seed)
     found = []
@@ -53,7 +53,7 @@ def attempt(vehicle: str, seed: int) -> list[dict[str, Any]]:
 
 
 def slipped(record: Record, slip: Slip, plant: Plant) -> Record:
-    """The record with a slip in it, as a file that was written so reads: to see whether it is noticed."""
+    """The record with a slip in it, as read from a file with this slip."""
     undoing = replace(
         slip,
         factors=tuple(1.0 / f for f in slip.factors),
@@ -68,7 +68,7 @@ def slipped(record: Record, slip: Slip, plant: Plant) -> Record:
 
 
 def right(found: dict[str, Any]) -> bool:
-    """Whether the slip was noticed; of a clean log, whether nothing was."""
+    """Whether the slip was noticed; for a clean log, whether nothing was."""
     return found["slip"] in found["doubts"] if found["slip"] else not found["doubts"]
 
 
@@ -83,7 +83,7 @@ def log_of(plant: Plant, seed: int = 1) -> Record:
 
 
 def doubts(record: Record, plant: Plant) -> Sequence[Doubt]:
-    """The doubts about a log in windows of its vehicle's length, shorter ones for the short log of a hull and parts."""
+    """The doubts about a log in windows of its vehicle's length, or shorter ones for a hull and parts."""
     seconds = plant.window if plant.family.body is None else WINDOW
     return log_doubts(record, plant, free_run_windows(plant, record, seconds))
 

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the study, print and draw it; 1 if the model taken misses a target on the campaign's own seeds."""
+    """Run the study, print and draw it; return 1 if the chosen model misses a target on the campaign's own seeds."""
     given = _parser().parse_args(argv)
     try:
         with progress_bar() as progress:
@@ -77,7 +77,7 @@ def _pictures(found: Study, records: Records) -> dict[str, Callable[[], Figure]]
 def verification_figure(models: Mapping[str, Model], record: Record) -> Figure:
     """Figures 11 and 12: pitch and depth differences of free runs over data that no fit has seen."""
     runs = {name: with_differences(free_run(model, record)[0], DEPTH) for name, model in models.items()}
-    # the pitch that the depth loop asked for is of no concern here
+    # the pitch set point of the depth loop is not needed here
     measured = with_differences(record.without([set_point_of(PITCH)]), DEPTH)
     return rollout_figure(measured, runs, (PITCH, rate_of(DEPTH)), "measured")
 

@@ -1,7 +1,7 @@
-"""Predictive control of depth on identified models, on the true vehicle, beside that on its true linear form.
+"""Predictive control of depth on identified models, on the true vehicle, compared with that on its true linear form.
 
-Two steps of depth by two lengths, planned every 4 s, within 5 degrees of pitch.  Every seed draws noise of the sensors
-and a vertical current; all controllers meet the same ones.  What is judged is the true motion.
+Two steps of depth by two lengths, planned every 4 s, within 5 degrees of pitch.  Every seed draws sensor noise and a
+vertical current, the same for all controllers.  The true motion is judged.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ SHALLOW, DEEP = 20.0, 30.6  # m, two lengths apart
 LEGS = ((8.0, DEEP), (208.0, SHALLOW))  # s, m
 END = 400.0  # s
 CASE = Case("depth", "depth_m", SHALLOW, LEGS, END)
-UPDRAUGHT = 0.03  # m/s, the fastest vertical current that is drawn
+UPDRAUGHT = 0.03  # m/s, largest vertical current drawn
 ROUNDED = {"depth": 0.01, "inclinometer": 0.001745}  # m, rad: as in the experiment
 NOISE = {"depth": 0.02, "inclinometer": radians(0.1)}  # m, rad: standard deviations
-_SLOWEST = 0.97  # zero of C: it fades in thirty samples, as far as plans go
+_SLOWEST = 0.97  # zero of C: it decays in thirty samples, the length of plans
 PLANES = ("stern_plane_rad", "bow_plane_rad")
 
 
 @dataclass(frozen=True)
 class Controlled:
-    """What a controller made of a seed.
+    """The result of a controller for a seed.
 
     cost: integral of the squared error of depth, m2 s.  settling, s, for good within 5 % of the step (inf: never), and
-    overshoot, m: of each step.  pitch: the largest, rad.  travel: of both planes, rad.  failed: why it was cut short.
+    overshoot, m: of each step.  pitch: the largest, rad.  travel: of both planes, rad.  failed: why it ended early.
     """
 
     controller: str
@@ -54,15 +54,15 @@ class Controlled:
 
 
 def vehicle() -> Plant:
-    """The true one."""
+    """The true vehicle."""
     return load_vehicle(VEHICLE, dt=DT)
 
 
 def pilots(models: Mapping[str, Polynomial]) -> dict[str, Controller]:
-    """PID, GPC on the true linear form, and the same GPC with each model in its place, by name.
+    """PID, GPC on the true linear form, and the same GPC on each model, by name.
 
-    The models get the Kalman filter of the true form, and where their own noise makes a filter that forgets within the
-    horizon, that too (CARIMA).
+    The models get the Kalman filter of the true form, and also the filter of their own noise if that forgets within the
+    horizon (CARIMA).
     """
     found = {kind: autopilot(vehicle(), kind, ["depth_m"], pitch_limit=PITCH_LIMIT) for kind in ("pid", "gpc")}
     gpc = found["gpc"]
@@ -87,7 +87,7 @@ def controlled_run(controller: Controller, seed: int) -> Run:
 
 
 def judged(name: str, seed: int, run: Run) -> Controlled:
-    """The numbers of a run."""
+    """The results of a run."""
     if run.reason:
         return Controlled(name, seed, failed=run.reason)
     time = run.truth.time
@@ -122,12 +122,12 @@ def _with_model(gpc: Scheduled, model: StateSpace | Polynomial) -> Scheduled:
 
 
 def _without_noise(model: Polynomial) -> StateSpace:
-    """What the inputs do, as the true linear form has it: the filter's noise is then that of the settings."""
+    """The response to the inputs, as the true linear form has it: the filter then uses the noise of the settings."""
     space = model.to_state_space()
     return replace(space, k=np.zeros_like(space.k))
 
 
 def _forgets(model: Polynomial) -> bool:
-    """Whether the filter that follows from C is done within the horizon."""
+    """Whether the filter according to C decays within the horizon."""
     zeros = [np.abs(np.roots(model.c[:, i, i])).max(initial=0.0) for i in range(len(model.outputs))]
     return max(zeros) < _SLOWEST

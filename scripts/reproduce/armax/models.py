@@ -53,8 +53,8 @@ PUBLISHED: Mapping[str, float] = {  # table 2, angles in degrees
 class Verified:
     """Fits of a free run over fresh data, %: pitch, depth, depth differences, and these by eq (15).
 
-    The third are differences of the free run of depth, the last the free run of the model whose pole at 1 is
-    cancelled; NaN where there is no such model, or it diverges.
+    The third are differences of the free run of depth, the last the free run of the model whose pole at 1 is cancelled;
+    NaN if there is no such model, or it diverges.
     """
 
     pitch: float
@@ -64,7 +64,7 @@ class Verified:
 
 
 def methods(n_c: Mapping[str, int]) -> dict[str, Any]:
-    """What is fitted, by name: the model of the paper by several methods, and one with a coefficient more of B.
+    """The estimators by name: the model of the paper by several methods, and one with an additional coefficient of B.
 
     n_c: of ARMAX, by output.
     """
@@ -83,7 +83,7 @@ def methods(n_c: Mapping[str, int]) -> dict[str, Any]:
 
 
 def noise_orders(records: Sequence[Record]) -> dict[str, int]:
-    """n_c of each output that AIC takes, at the paper's other orders."""
+    """n_c of each output by AIC, at the paper's other orders."""
     return {name: noise_search(records, name).best(name, "aic").n_c for name in OUTPUTS}
 
 
@@ -94,7 +94,7 @@ def noise_search(records: Sequence[Record], output: str) -> OrderSearch:
 
 
 def verify(model: Model, record: Record) -> Verified:
-    """How a model's free run over a record fits it; any model of pitch and depth, a vehicle too."""
+    """The fits of a model's free run over a record, for any model of pitch and depth, including a vehicle."""
     rate = rate_of(DEPTH)
     measured = with_differences(record, DEPTH)
     try:
@@ -114,14 +114,14 @@ def verify(model: Model, record: Record) -> Verified:
 
 
 def free_run(model: Model, record: Record) -> tuple[Record, np.ndarray]:
-    """The record with the outputs of a model's free run in place of the measured, and which samples count."""
+    """The record with the outputs of a model's free run instead of the measured ones, and which samples count."""
     runs = free_runs_of(model, record, record.segments, SETTLE)
     y = {name: record[name][runs.rows] - runs.residual[:, i] for i, name in enumerate(runs.channels)}
     return record.with_channels(y), runs.scored
 
 
 def resolution(record: Record) -> Verified:
-    """What the true motion itself reaches: the readings are rounded."""
+    """The fits of the true motion itself, limited by the rounding of the readings."""
     true = record.with_channels({name: record[truth_of(name)] for name in OUTPUTS})
     measured, free = with_differences(record, DEPTH), with_differences(true, DEPTH)
     scored = record.elapsed >= SETTLE
@@ -130,7 +130,7 @@ def resolution(record: Record) -> Verified:
 
 
 def form(record: Record) -> Verified:
-    """What 7 parameters reach of depth differences where they are fitted to the very data that judge them."""
+    """The fit of depth differences that 7 parameters reach when fitted to the very data that judge them."""
     measured = with_differences(record, DEPTH)
     rate = measured.select(np.isfinite(measured[rate_of(DEPTH)]))
     best = OutputError(INPUTS, (rate_of(DEPTH),), n_a=N_A[DEPTH] - 1, n_b=N_B, delay=DELAY).fit(rate)

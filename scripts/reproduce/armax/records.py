@@ -14,7 +14,7 @@ IDENTIFY, VERIFY = 600.0, 800.0  # s
 
 
 def records_of(folder: Path, seed: int = 0, jobs: int = 1) -> dict[tuple[int, float], Record]:
-    """The campaign's records by seed and length, s; runs that the folder lacks are performed.
+    """The campaign's records by seed and length, s; missing runs are performed.
 
     seed: added to the seeds of the campaign.  Raises ValueError if a run did not go as planned.
     """

@@ -1,4 +1,4 @@
-"""What is found about the models of depth and pitch: orders, fits, free runs over other data, control."""
+"""The study of the models of depth and pitch: orders, fits, free runs over other data, control."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from scripts.reproduce.armax.control import Controlled, pilots
 from scripts.reproduce.armax.models import INPUTS, OUTPUTS, Verified, methods, verify
 from scripts.reproduce.armax.records import IDENTIFY, VERIFY
 
-TARGETS = {"pitch": 95.0, "differences": 90.0}  # %, of free runs over data that no fit has seen
-# rounding is on the readings, so that C = A; and depth integrates the pitch
+TARGETS = {"pitch": 95.0, "differences": 90.0}  # %, of free runs over held-out data
+# the readings are rounded, so that C = A; and depth integrates the pitch
 TAKEN = "output error, pole at 1"
 CONTROLLING = ("ARMAX, pole at 1", TAKEN)
 BOTH = "both"
@@ -32,7 +32,7 @@ Progress = Callable[[float, str], object]
 
 @dataclass(frozen=True)
 class Row:
-    """The free run of a model over a record: its name, what it was fitted to (a seed, both), the record's seed."""
+    """The free run of a model over a record: its name, the data of its fit (a seed, both), the record's seed."""
 
     model: str
     fitted: str
@@ -49,8 +49,8 @@ class Row:
 class Study:
     """All that is printed.
 
-    fits: by method and what they were fitted to, a seed or both.  rows: of the campaign's own seeds, those of what is
-    known without a fit too.  spread: of further pairs of seeds, each fitted to one and run over the other.
+    fits: by method and data of the fit, a seed or both.  rows: of the campaign's own seeds, including those known
+    without a fit.  spread: of further pairs of seeds, each fitted to one and run over the other.
     """
 
     search: OrderSearch
@@ -94,7 +94,7 @@ def study(
 
 
 def fitted_to(found: Study) -> list[str]:
-    """What models were fitted to: each seed, and both."""
+    """The data of the fits: each seed, and both."""
     return list(dict.fromkeys(fitted for _, fitted in found.fits))
 
 
@@ -110,12 +110,12 @@ def crossed(records: Records, n_c: Mapping[str, int]) -> list[Row]:
 
 
 def true_form() -> StateSpace:
-    """The vehicle about its cruise."""
+    """The vehicle linearised about its cruise."""
     return linearise(control.vehicle(), INPUTS, OUTPUTS)
 
 
 def ceilings(record: Record, seed: int) -> list[Row]:
-    """What can be reached: by the true linear form, the vehicle itself, its motion before rounding, 7 parameters."""
+    """The best possible fits: by the true linear form, the vehicle itself, its motion before rounding, 7 parameters."""
     known: dict[str, Model] = {"true linear form": true_form(), "true vehicle": control.vehicle()}
     rows = [Row(name, "", seed, verify(model, record)) for name, model in known.items()]
     best = Row("7 parameters at their best", "", seed, models.form(record))
@@ -128,7 +128,7 @@ def reached(fits: Iterable[Verified]) -> bool:
 
 
 def as_json(found: Study) -> dict[str, Any]:
-    """All of it for JSON; what is not a finite number is None."""
+    """All of it for JSON; numbers that are not finite become None."""
     content = {
         "targets": TARGETS,
         "taken": TAKEN,
@@ -150,6 +150,6 @@ def as_json(found: Study) -> dict[str, Any]:
 
 
 def published_cell(search: OrderSearch, output: str) -> Cell:
-    """The model of the paper's orders among those searched, with the n_c that AIC takes."""
+    """The model of the paper's orders among the searched ones, with n_c by AIC."""
     wanted = (models.N_A[output], (models.N_B,) * len(INPUTS), (models.DELAY,) * len(INPUTS))
     return min((c for c in search.of(output) if (c.n_a, c.n_b, c.delay) == wanted), key=lambda cell: cell.aic)

@@ -1,4 +1,4 @@
-"""Tables of the models of depth and pitch, and whether they are as good as was wanted."""
+"""Tables of the models of depth and pitch, and whether they reach the targets."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from scripts.reproduce.armax.models import DEPTH, LONGER, N_A, OUTPUTS, PUBLISHE
 from scripts.reproduce.armax.study import BOTH, TAKEN, TARGETS, Row, Study, published_cell, reached, true_form
 from scripts.studies.harness import Sheet
 
-_DELAY = 1e-6  # size of a pole that only delays, and of rounding
+_DELAY = 1e-6  # largest pole of a pure delay, and largest rounding error
 _SHOWN = ("ARMAX", "ARMAX, pole at 1", TAKEN)  # with their coefficients
 
 
 def verdict(found: Study) -> list[str]:
-    """The targets, and what each method of the paper's orders reaches at the least on a seed that it has not seen."""
+    """The targets, and the least that each method of the paper's orders reaches on a held-out seed."""
     lines = []
     for name in methods(found.n_c):
         fits = [row.fit for row in (*found.rows, *found.spread) if row.model == name and row.fresh]
@@ -80,7 +80,7 @@ def _poles(found: Study) -> Sheet:
     for name in OUTPUTS:
         roots = np.roots([1.0, *(PUBLISHED[f"a{k + 1}[{name}]"] for k in range(N_A[name]))])
         rows.append([name, "table 2", ", ".join(_pole(z) for z in roots if z.imag >= 0.0)])
-        own = [z for z in true if name == DEPTH or abs(z - 1.0) > _DELAY]  # depth alone integrates
+        own = [z for z in true if name == DEPTH or abs(z - 1.0) > _DELAY]  # only depth integrates
         rows.append([name, "true linear form", ", ".join(map(_pole, own))])
         for model in (*_SHOWN, LONGER):
             poles = [pole for pole in pole_intervals(found.fits[model, BOTH]) if name in pole.outputs]
@@ -156,7 +156,7 @@ def _control(found: Study) -> Sheet:
 
 
 def _middle(values: Sequence[float], digits: str) -> str:
-    """The median, one of the values, and the largest."""
+    """The least, median and largest value."""
     ordered = np.sort(np.array(values))
     shown = [f"{v:{digits}}" if isfinite(v) else "never" for v in (ordered[(len(ordered) - 1) // 2], ordered[-1])]
     return f"{shown[0]} ({shown[1]})"

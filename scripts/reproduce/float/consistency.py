@@ -1,4 +1,4 @@
-"""What depth noise does to each estimator of a float's diving model: the bias against samples, and how IVLS breaks."""
+"""The effect of depth noise on each estimator of a float's diving model: the bias, and the failure of IVLS."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from identification.recursive.samples import Samples
 
 LENGTHS = (1_000, 3_000, 10_000, 30_000, 100_000)  # samples
 PLANNED, FEEDBACK = "planned", "feedback"
-# each with the scheme under which its equation holds exactly, so that what is left is the noise
+# each with the scheme under which its equation is exact, so that only noise remains
 CONSISTENCY = {
     "RWLS as printed": (Rwls(), "difference"),
     "RWLS, theta_1 = 1": (Rwls(known=("unity",)), "difference"),
@@ -34,7 +34,7 @@ CONSISTENCY = {
 }
 _FAR, _NEAR, _CLOSE = 0.7, 0.36, 0.8  # s, s, m: the paper's sampling
 _SHALLOW, _DEEP = 5.0, 25.0  # m
-_SHORTEST, _LONGEST = 40.0, 120.0  # s at one target
+_SHORTEST, _LONGEST = 40.0, 120.0  # s at one target depth
 _TYPICAL_SPEED = 0.07  # m/s, half of the float's fastest
 
 
@@ -44,7 +44,7 @@ _TYPICAL_SPEED = 0.07  # m/s, half of the float's fastest
 def bias(plant: Plant, seed: int, piston: str, samples: int, noise: float) -> dict[str, dict[int, float]]:
     """The relative error of D/M by method and number of samples, for one long record and its beginnings.
 
-    piston: planned, as if moved without a look at the noisy depth, or by feedback.  Infinite where a fit fails.
+    piston: planned, as if moved without regard to the noisy depth, or by feedback.  Infinite if a fit fails.
     """
     exact, found = diving_form(plant), {}
     for scheme, truth in (("difference", replace(exact, scheme="difference")), ("exact", exact)):
@@ -64,7 +64,7 @@ def _damping(estimator: Any, record: Record) -> float:
 
 
 def diving_form(plant: Plant) -> DivingModel:
-    """Equation (5) with the parameters of a float with a piston, its drag linear as at half of its fastest speed."""
+    """Equation (5) with the parameters of a float with a piston, its drag linearised at half of its fastest speed."""
     hull = plant.hull
     mass = float(hull.mass + hull.added_mass)
     lift = float(hull.density * GRAVITY * hull.piston_area) / mass
@@ -79,9 +79,9 @@ def long_dive(
 ) -> Record:
     """A record of a float that obeys a diving model and is sent to another depth every minute or two.
 
-    noise: m, white.  feedback: the controller acts on the noisy depth, otherwise on the true one.
+    noise: m, white.  feedback: whether the controller acts on the noisy depth, otherwise on the true one.
     """
-    controller, (of_noise, rng) = float_depth_pid(plant), rng.spawn(2)  # so that a short record begins a long one
+    controller, (of_noise, rng) = float_depth_pid(plant), rng.spawn(2)  # a short record is the beginning of a long one
     added = noise * of_noise.standard_normal(samples)
     x, memory, now, interval, target, until = truth.initial(np.array([15.0])), controller.start(), 0.0, _FAR, 15.0, 0.0
     rows = np.empty((samples, 3))
@@ -112,16 +112,16 @@ def _percent(errors: Sequence[float]) -> str:
     if not isfinite(high) or (low < 0.0 < high and max(-low, high) >= 100.0):
         return f"> 100 in {sum(abs(e) >= 1.0 for e in errors)} of {len(errors)}"
     digits = 0 if abs(middle) >= 100.0 else 1
-    middle, low, high = (round(value, digits) + 0.0 for value in (middle, low, high))  # no minus before a zero
+    middle, low, high = (round(value, digits) + 0.0 for value in (middle, low, high))  # avoids a negative zero
     return f"{middle:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
 
 
-# How IVLS as printed breaks
+# The failure of IVLS as printed
 
 
 @dataclass(frozen=True)
 class Variant:
-    """IVLS as printed, or with one thing changed; start: whose theta the recursion and its instrument begin with."""
+    """IVLS as printed, or with one change; start: the source of the initial theta of recursion and instrument."""
 
     name: str
     start: str = ""
@@ -139,8 +139,9 @@ VARIANTS = (
 
 
 class Breakdown(NamedTuple):
-    """error: m, RMSE of a free run.  instrument: m, largest |xi|.  negative: samples whose denominator is below zero.
+    """The failure of a variant on a record.
 
+    error: m, RMSE of a free run.  instrument: m, largest |xi|.  negative: samples whose denominator is below zero.
     unity: |theta_1 - 1| at the end.  damping: D/M, 1/s.
     """
 
@@ -154,7 +155,7 @@ class Breakdown(NamedTuple):
 def break_down(
     variant: Variant, starts: Mapping[str, np.ndarray], record: Record, rated: Callable[[Model], float]
 ) -> Breakdown:
-    """What a variant does on a record, sample by sample; rated: the error of a model.
+    """The behaviour of a variant on a record, sample by sample; rated: returns the error of a model.
 
     The denominator is the ratio of the errors of equation (8) before and after the update, 1 / (1 - i S).
     """
@@ -193,7 +194,7 @@ def breakdown_rows(breakdowns: Sequence[Sequence[Mapping[str, float]]]) -> tuple
     for i, variant in enumerate(VARIANTS):
         found = np.array([list(b[i].values()) for b in breakdowns])
         error, *rest = map(_short, np.median(found[:, :-1], axis=0))
-        # an order statistic each: between two seeds that are lost there is nothing to interpolate
+        # order statistics: values of failed seeds cannot be interpolated
         low, middle, high = map(_short, np.quantile(found[:, -1], (0.25, 0.5, 0.75), method="nearest"))
         good = f"{int(np.sum(found[:, 0] < 1.0))} of {len(breakdowns)}"
         rows.append([variant.name, error, good, *rest, f"{middle} ({low} to {high})"])

@@ -1,4 +1,4 @@
-"""The dives of a simulated float, the methods that are compared on them, and the errors of their free runs."""
+"""The dives of a simulated float, the compared methods, and the errors of their free runs."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ from scripts.reproduce.float.consistency import VARIANTS, break_down
 
 VEHICLE = "qiandao_float"
 DEPTHS = (30, 40, 50, 60)  # m
-TRAINING = 40  # m, of the dive that is fitted
+TRAINING = 40  # m, depth of the dive that is fitted
 RATES = {"dt": 1.0 / 1.43, "near": (0.8, 1.0 / 2.78)}  # s; closer where within 0.8 m of the target
 START = 1.0  # m; at the surface the waterplane carries the float, which equation (5) leaves out
-SURFACED = 0.5  # m; the dive that is fitted ends there
-AT_REST = 5.0  # s over which the depth is read that a free run starts from
-# a first guess that is wrong by a third and more, so that the grey box has something to find
+SURFACED = 0.5  # m; the fitted dive ends there
+AT_REST = 5.0  # s over which the initial depth of a free run is read
+# a first guess that is wrong by a third or more, as a test for the grey box
 GUESS = {"hull.drag_quadratic": 20.0, "hull.drag_linear": 3.0, "hull.piston_area": 1.5e-3}
 FREE = (*GUESS, "effects.volume.offset")
 WINDOW = 300.0  # s; the simulated float has no process noise, so long windows lose nothing
 MEASURES = ("AVGAE", "RMSE", "R2", "MAXAE", "RMSE, true depth")
 RMSE, R2, TRUE_RMSE = (MEASURES.index(name) for name in ("RMSE", "R2", "RMSE, true depth"))
-NO_RUN = (inf, inf, -inf, inf, inf)  # of a model that was not found, or whose run leaves the finite numbers
+NO_RUN = (inf, inf, -inf, inf, inf)  # for a failed fit, or a run that leaves the finite numbers
 PRINTED, CORRECTED, REFINED, GREY_BOX = "IVLS as printed", "IVLS corrected", "refined IV", "grey box"
 RWLS, RWLS_OF_ONE, LS_SVM = "RWLS as printed", "RWLS, theta_1 = 1", "LS-SVM"
 METHODS = (RWLS, RWLS_OF_ONE, LS_SVM, PRINTED, CORRECTED, REFINED, GREY_BOX)
 
 
 class Dive(NamedTuple):
-    """A dive as recorded, and the depth that the float really had, m."""
+    """A recorded dive, and the true depth of the float, m."""
 
     record: Record
     true_depth: np.ndarray
@@ -50,8 +50,8 @@ class Dive(NamedTuple):
 def compared(seed: int, noise: float) -> dict[str, Any]:
     """The dives of one noise seed, fitted and run by every method.
 
-    outcomes: by method MEASURES at each of DEPTHS, (4, 5), its parameters, and why it found none, if so.  breakdowns:
-    of each variant of the printed IVLS.
+    outcomes: by method MEASURES at each of DEPTHS, (4, 5), its parameters, and the reason of a failure.  breakdowns: of
+    each variant of the printed IVLS.
     """
     dives = [dive(depth, seed, noise) for depth in DEPTHS]
     training = dives[DEPTHS.index(TRAINING)].record
@@ -74,7 +74,7 @@ def compared(seed: int, noise: float) -> dict[str, Any]:
 
 
 def dive(depth: int, seed: int, noise: float) -> Dive:
-    """The dive to a depth, m; the one that is fitted also returns to 0 m, up to where it comes near the surface."""
+    """The dive to a depth, m; the fitted one also returns to 0 m, up to where it comes near the surface."""
     plant, rng = load_vehicle(VEHICLE), np.random.default_rng([seed, depth])
     there = 600.0 + 5.0 * (depth - DEPTHS[0])  # s: 300 to 450 to arrive, the rest to settle
     targets, hold = ([depth, 0.0], [there, there]) if depth == TRAINING else ([depth], [there])
@@ -87,30 +87,30 @@ def dive(depth: int, seed: int, noise: float) -> Dive:
 
 
 def methods() -> dict[str, Any]:
-    """The estimators that are compared, by name; the grey box starts from GUESS."""
+    """The compared estimators, by name; the grey box starts from GUESS."""
     guessed = replace_at(load_vehicle(VEHICLE), GUESS)
     settings = (Rwls(), Rwls(known=("unity",)), LsSvm(), Ivls(), CorrectedIvls(), RefinedIv())
     return dict(zip(METHODS, (*settings, GreyBox(guessed, FREE, window=WINDOW))))
 
 
 def measures(model: Model, dive: Dive) -> tuple[float, ...]:
-    """MEASURES of a free run; without end where it leaves the finite numbers."""
+    """MEASURES of a free run; infinite if it leaves the finite numbers."""
     try:
         run = from_rest(model, dive.record)
     except Diverged:
         return NO_RUN
     measured = dive.record["depth_m"]
-    with np.errstate(over="ignore", invalid="ignore"):  # a run may end just within the finite numbers
+    with np.errstate(over="ignore", invalid="ignore"):  # a run may be close to overflow at its end
         found, true = score(measured, measured - run), score(dive.true_depth, dive.true_depth - run)
     values = (found.mean_absolute, found.rmse, found.r2, found.maximum, true.rmse)
     return values if all(map(isfinite, values)) else NO_RUN
 
 
 def from_rest(model: Model, record: Record) -> np.ndarray:
-    """Depths, m, of a free run from rest, at the depth that suits the first seconds; raises Diverged.
+    """Depths, m, of a free run from rest, from the depth that fits the first seconds; raises Diverged.
 
-    The float hardly moves meanwhile, and one reading would carry its noise through the whole run. Below the surface no
-    model here depends on the depth, so that a run may be shifted.
+    The float hardly moves in these, and a single reading would add its noise to the whole run.  Below the surface no
+    model here depends on the depth, so a run may be shifted.
     """
     run, first = simulate(model, record)["depth_m"], record.time < AT_REST
     return run + np.mean(record["depth_m"][first] - run[first])

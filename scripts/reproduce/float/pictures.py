@@ -44,13 +44,13 @@ LOOKS: dict[str, dict[str, Any]] = {
     REFINED: {"color": "#56b4e9", "linestyle": "--"},
     GREY_BOX: {"color": INPUT},
 }
-ORDER = (TRAINING, *(depth for depth in DEPTHS if depth != TRAINING))  # that of figures 4 to 7
+ORDER = (TRAINING, *(depth for depth in DEPTHS if depth != TRAINING))  # as in figures 4 to 7
 FARTHEST = 50.0  # m
 LINEAR = 0.1  # m, up to which the axis of all errors is linear
 
 
 class Shown(NamedTuple):
-    """A dive and the free runs over it, m, of the methods that have one."""
+    """A dive and the free runs over it, m, of the methods that found a model."""
 
     dive: Dive
     runs: Mapping[str, np.ndarray]
@@ -89,7 +89,7 @@ def _bias(axes: Axes, study: Comparison, piston: str) -> None:
         size = 100.0 * np.abs([study.biases[piston, method, n] for n in lengths])
         size = np.where(np.isfinite(size), size, np.inf)
         axes.plot(lengths, np.median(size, axis=1), marker="o", markersize=3.5, label=method, **LOOKS[method])
-        if method != PRINTED:  # whose range is the whole axis
+        if method != PRINTED:  # its range would fill the axis
             axes.fill_between(
                 lengths, *np.quantile(size, (0.25, 0.75), axis=1), color=LOOKS[method]["color"], alpha=0.15
             )
@@ -106,7 +106,7 @@ def _errors(axes: Axes, shown: Shown, names: list[str]) -> None:
 
 
 def _handles(figure: Figure) -> tuple[list[Any], list[str]]:
-    """What the panels show, each once, for one legend."""
+    """The legend's entries of all panels, each once."""
     found: dict[str, Any] = {}
     for axes in figure.axes:
         found |= dict(zip(*axes.get_legend_handles_labels()[::-1]))
@@ -128,7 +128,7 @@ def runs_of(seed: int, noise: float) -> list[Shown]:
 
 
 def typical_seed(study: Comparison) -> int:
-    """The number of the seed whose printed IVLS is nearest to its median, of those with finite runs; 0 for none."""
+    """The index of the seed whose printed IVLS is nearest to its median, among those with finite runs; 0 for none."""
     errors = study.errors(PRINTED)[..., RMSE].max(axis=1)
     finite = np.flatnonzero(np.isfinite(errors))
     if finite.size == 0:

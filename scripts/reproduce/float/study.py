@@ -30,7 +30,7 @@ BIAS_SEEDS = range(8)
 
 
 def attempt(case: str, seed: int, noise: float, samples: int) -> dict[str, Any]:
-    """The comparison of a noise seed; or relative errors of D/M by method and number of samples, up to so many."""
+    """The comparison for a noise seed; or relative errors of D/M by method and number of samples, up to `samples`."""
     if case == DIVES:
         return compared(seed, noise)
     return bias(load_vehicle(VEHICLE), seed, case.removeprefix(BIAS), samples, noise)

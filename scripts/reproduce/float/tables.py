@@ -1,4 +1,4 @@
-"""Tables of the comparison beside those of the paper, of how IVLS breaks, and of the bias."""
+"""Tables of the comparison beside those of the paper, of the failure of IVLS, and of the bias."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from scripts.reproduce.float.dives import (
 from scripts.studies.harness import Found, Sheet
 
 DIVES = "dives"
-BIAS = "bias, "  # before how the piston moves
+BIAS = "bias, "  # followed by the motion of the piston
 # table 2: AVGAE m, RMSE m, R2, MAXAE m for 30, 40, 50 and 60 m
 PUBLISHED = {
     "IVLS": (
@@ -81,7 +81,7 @@ class Comparison:
         return np.array([trial["outcomes"][method]["errors"] for trial in self.trials])
 
     def estimates(self, method: str) -> list[Any]:
-        """The parameters of a method in the seeds in which it found any."""
+        """The parameters of a method in the seeds in which it found a model."""
         return [of["estimates"] for of in (t["outcomes"][method] for t in self.trials) if of["estimates"]]
 
 
@@ -114,7 +114,7 @@ def parameter_rows(of: Comparison) -> list[list[str]]:
 
 
 def grey_box_rows(of: Comparison) -> list[list[str]]:
-    """Each parameter of the grey box: truth, first guess, median and half its interval, intervals with the truth."""
+    """Each parameter of the grey box: truth, first guess, median and half-width, share of intervals with the truth."""
     plant, rows = load_vehicle(VEHICLE), []
     fits = of.estimates(GREY_BOX)
     for i, path in enumerate(FREE):
@@ -132,7 +132,7 @@ def _middle(found: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
 
 
 def count_rows(of: Comparison) -> list[list[str]]:
-    """In how many seeds a statement holds at all four depths."""
+    """The number of seeds in which a statement holds at all four depths."""
     found = {method: of.errors(method) for method in METHODS}
 
     def below(one: str, other: str, factor: float = 1.0, measure: int = RMSE) -> int:
@@ -155,14 +155,14 @@ def count_rows(of: Comparison) -> list[list[str]]:
 
 
 def shown(value: float) -> str:
-    """A figure of a table: three decimals, fewer of what is large, a word for a model or a run that was lost."""
+    """A number of a table: three decimals, fewer if it is large, a word for a failed fit or run."""
     if not isfinite(value):
         return "lost"
     return f"{value:.3f}" if abs(value) < 100.0 else f"{value:.0f}" if abs(value) < 1e4 else f"{value:.0e}"
 
 
 def sheets(found: Found) -> list[Sheet]:
-    """Tables 1 and 2, counts of seeds, the grey box, how IVLS breaks, and the bias."""
+    """Tables 1 and 2, counts of seeds, the grey box, the failure of IVLS, and the bias."""
     of, made = Comparison.of(found), []
 
     def sheet(name: str, title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:

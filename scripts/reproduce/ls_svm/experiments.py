@@ -1,4 +1,4 @@
-"""Experiments with the torpedo AUV: bang-bang fins to learn from, circles with dives to be judged by.
+"""Experiments with the torpedo AUV: bang-bang fins to learn from, circles with dives to judge by.
 
 Source: Xu, Zou, Yin and Cao 2013, Ocean Engineering 67, section 4 and figures 9 and 10.
 """
@@ -21,8 +21,8 @@ from identification.experiments.excitation import bang_bang
 VEHICLE = "heu_torpedo"
 START_DEPTH = 5.0  # m
 BANG = radians(8.0)
-RUDDER_HOLD, PLANE_HOLD = (4.0, 15.0), (2.0, 10.0)  # s between changes; the paper prints none
-RUNS, RUN = 20, 60.0  # from rest, s each: the paper's simulations start from zero, and so each covers all speeds
+RUDDER_HOLD, PLANE_HOLD = (4.0, 15.0), (2.0, 10.0)  # s between changes; not stated in the paper
+RUNS, RUN = 20, 60.0  # s each, from rest as in the paper's simulations, so that each covers all speeds
 NOISE = {  # standard deviations; DVL against the water, gyros, inclinometer
     "u_mps": 0.01,
     "v_mps": 0.01,
@@ -35,7 +35,7 @@ NOISE = {  # standard deviations; DVL against the water, gyros, inclinometer
     "heading_rad": radians(0.5),
     "depth_m": 0.02,
 }
-TURNING_BACK = 1.0  # m before the end of the dive at which the planes are put over
+TURNING_BACK = 1.0  # m; the planes are put over this far before the end of the dive
 
 
 @cache
@@ -47,10 +47,10 @@ def vehicle() -> Plant:
 def bang_bang_runs(
     voltages: Sequence[float], seed: int, *, noise: Mapping[str, float] | None = None, runs: int = RUNS
 ) -> list[Record]:
-    """Runs from rest with both pairs of fins going from -8 to +8 deg and back at drawn times, shared by the voltages.
+    """Runs from rest with both pairs of fins going from -8 to +8 deg and back at random times, shared by the voltages.
 
-    noise: standard deviations of white noise by channel, by default none. With it, channels without an entry are left
-    out: there is no position under water.
+    noise: standard deviations of white noise by channel, by default none. With noise, channels without an entry are
+    left out: there is no position under water.
     """
     plant, records = vehicle(), []
     n = round(RUN / plant.dt) + 1
@@ -97,10 +97,10 @@ MANOEUVRES = tuple(Manoeuvre(rudder, plane, volts) for volts in (3.5, 4.5) for r
 
 @cache
 def circled(manoeuvre: Manoeuvre) -> Record:
-    """The vehicle's run: the planes go over each time that it is within a metre of 15 or of 5 m.
+    """The vehicle's run: the planes are put over each time it is within a metre of 15 or of 5 m.
 
-    The paper does this once, at about 15 m; its vehicle then rises for the rest of 200 s, which from there would be
-    out of the water. Models are given the same commands at the same times.
+    The paper does this once, at about 15 m; its vehicle then rises for the rest of 200 s, and would leave the water.
+    Models are given the same commands at the same times.
     """
     plant = vehicle()
     n = round(manoeuvre.duration / plant.dt) + 1
@@ -123,11 +123,11 @@ def circled(manoeuvre: Manoeuvre) -> Record:
 
 @dataclass(frozen=True)
 class Judgement:
-    """How far a model's run is from the vehicle's.
+    """The difference of a model's run from the vehicle's.
 
     position: horizontally at the end, percent of the path.  farthest: the same at the worst moment.  depth: rms, m.
-    outside: share of the samples whose velocity is unlike the training data, of a learned hull.  distance: the farthest
-    of them, in the reach of the training data; 0 where a model has no such measure.
+    outside: share of the samples whose velocity is outside of the training data, for a learned hull.  distance: the
+    farthest of them, in the reach of the training data; 0 for a model without such a measure.
     """
 
     position: float

@@ -53,7 +53,7 @@ class Controlled:
 
 @dataclass(frozen=True, eq=False)
 class Learned:
-    """A fit, and how its model does: judgements by manoeuvre, differences under control by case."""
+    """A fit, and the quality of its model: judgements by manoeuvre, differences under control by case."""
 
     fit: HullFit
     circles: tuple[Judgement, ...]
@@ -71,7 +71,7 @@ def learned(data: str, way: str, seed: int) -> Learned:
 
 
 def steered(case: Case, model: Model | None = None) -> Run:
-    """The run of a case by S-plane, without current and noise; raises where it was cut short."""
+    """The run of a case by S-plane, without current and noise; raises if it ended early."""
     run = controlled_run(case, "s_plane", None, model)
     if run.reason:
         raise ValueError(f"The run of {case.title} was cut short: {run.reason}.")
@@ -79,7 +79,7 @@ def steered(case: Case, model: Model | None = None) -> Run:
 
 
 def compared(case: Case, own: Run, model: Run) -> Controlled:
-    """The difference of two runs of a case, of what was true."""
+    """The difference of two runs of a case, in the true motion."""
     values = [case.first, *(value for _, value in case.steps)]
     step = float(np.abs(np.diff(values)).max())
     rms = float(np.sqrt(np.mean((model.truth[case.channel] - own.truth[case.channel]) ** 2)))
@@ -87,7 +87,7 @@ def compared(case: Case, own: Run, model: Run) -> Controlled:
 
 
 def attempt(case: str, seed: int) -> Any:
-    """What a way learns from the data of a seed; of noisy records, a row for each method and manoeuvre."""
+    """The model learned by a method from the data of a seed; for noisy records, a row for each method and manoeuvre."""
     data, way = RUNS_BY_NAME[case]
     if way == NOISY:
         return judged_methods(data, seed)
@@ -123,7 +123,7 @@ def sheets(found: Found) -> list[Sheet]:
 
 
 def failures(found: Found) -> list[str]:
-    """Methods that failed on noisy records, with how often."""
+    """Methods that failed on noisy records, with the number of failures."""
     rows = [row for case in found.runs if RUNS_BY_NAME[case][1] == NOISY for run in found.of(case) for row in run]
     failed = Counter(f"{r['data']}, {r['method']}: {r['failed']}" for r in rows if "failed" in r)
     return [f"{reason}: {count} times" for reason, count in failed.items()]

@@ -1,4 +1,4 @@
-"""Models of the torpedo AUV from noisy records, each judged on circles and dives that no fit has seen."""
+"""Models of the torpedo AUV from noisy records, each judged on held-out circles and dives."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ ONE_VOLTAGE, SEVERAL = (4.0,), (3.0, 3.5, 4.0, 4.5, 5.0)  # V
 DATA = {"4 V": ONE_VOLTAGE, "3 to 5 V": SEVERAL}
 STEP = 0.1  # s, of the models' integration, the sample time: the vehicle's own is 0.02 s, with the same result to 1e-5
 MOTION = ("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps", "roll_rad", "pitch_rad")
-FREE = (  # that the bang-bang moves; of the true structure, which only a grey box is told
+FREE = (  # moved by the bang-bang; in the true structure, which only a grey box knows
     *("hull.surge.u_u", "hull.sway.uv", "hull.sway.ur", "hull.sway.v_v", "hull.heave.uw", "hull.heave.uq"),
     *("hull.heave.w_w", "hull.roll.up", "hull.pitch.uw", "hull.pitch.uq", "hull.yaw.uv", "hull.yaw.ur"),
 )
-SHARES = (0.8, 1.2)  # of the true values, in turn, that the grey box begins from
+SHARES = (0.8, 1.2)  # initial values of the grey box over the true ones, alternating
 WINDOW = 12.0  # s, of its free runs
 GIVEN = "coefficients off by 20 %"
 
@@ -35,7 +35,7 @@ def methods(voltages: Sequence[float]) -> dict[str, object]:
     coarse = replace(vehicle(), longest_step=STEP)
     wrong = off(coarse, FREE, SHARES)
     fins = ("rudder_rad", "stern_plane_rad")
-    # one lag of the voltage, which is constant in each run: more are not told apart; subspaces cannot take it at all
+    # one lag of the voltage, which is constant in each run, so more are collinear; subspaces cannot use it at all
     several = len(voltages) > 1
     commands, lags = ((*fins, "propeller_V"), [[2, 2, 1]] * len(MOTION)) if several else (fins, 2)
     return {
@@ -49,7 +49,7 @@ def methods(voltages: Sequence[float]) -> dict[str, object]:
 
 
 def judged_methods(data: str, seed: int) -> list[dict]:
-    """A row for each method and manoeuvre of one seed; a method that failed has a row that says why."""
+    """A row for each method and manoeuvre of one seed; the row of a failed method gives the reason."""
     records = bang_bang_runs(DATA[data], seed, noise=NOISE)
     rows = [row for name, made in methods(DATA[data]).items() for row in _judged(data, seed, name, made, records)]
     return rows + _rows(data, seed, GIVEN, off(replace(vehicle(), longest_step=STEP), FREE, SHARES))

@@ -24,7 +24,7 @@ CIRCLE_LIMITS = {3.5: (1.0, 0.05), 4.5: (5.0, 0.3)}  # % of the path, m; learned
 CONTROL_LIMIT = 2.0  # % of the step
 
 
-Results = Mapping[tuple[str, str], Sequence[Mapping[str, Any]]]  # of each seed, by data and way
+Results = Mapping[tuple[str, str], Sequence[Mapping[str, Any]]]  # of each seed, by data and method
 
 
 def tuned(joint: Mapping[str, Any], separate: Mapping[str, Any]) -> Sheet:
@@ -94,7 +94,7 @@ def noisy(by_data: Mapping[str, Sequence[Mapping[str, Any]]]) -> Sheet:
 
 
 def share_within(values: Sequence[float], limit: float) -> str:
-    """How many are within a limit, in words."""
+    """The number of values within a limit, in words."""
     return f"{int(np.sum(np.asarray(values) <= limit))} of {len(values)}"
 
 

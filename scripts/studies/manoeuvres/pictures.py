@@ -1,4 +1,4 @@
-"""The picture of the manoeuvres: all vehicles in their own lengths.
+"""The picture of the manoeuvres: all vehicles, in units of their lengths.
 
 Needs the extra `render`.
 """
@@ -27,8 +27,8 @@ LOOKS: list[dict[str, Any]] = [
     {"color": "#a8527f", "linestyle": (0, (1, 1))},
     {"color": INK, "linestyle": (0, (5, 1, 1, 1, 1, 1))},
 ]
-TRACK = 1.0  # points, thinner than the outlines on it
-BEAM = 2.0  # times too wide, or a slender vehicle is a stroke on its track
+TRACK = 1.0  # points; thinner than the outlines on it
+BEAM = 2.0  # exaggeration of the width, since a slender vehicle would look like a line on its track
 
 
 def overview(results: Sequence[Result]) -> Figure:

@@ -67,8 +67,10 @@ def _dive(name: str, shown: Callable[[float], float] = float) -> Callable[[Measu
 
 
 def quantities() -> list[tuple[str, str, int, Callable[[Measured], list[float]]]]:
-    """Rows: a quantity's name, its limit for ships over 100 m in MSC.137(76), section 5.3 (at L/V below 10 s), digits,
-    values; two of these are those of the turns to starboard and to port.
+    """Rows: a quantity's name, its limit for ships, digits, and values.
+
+    Limits are for ships over 100 m in MSC.137(76), section 5.3 (at L/V below 10 s); two values are those of the turns
+    to starboard and to port.
     """
     table: list[tuple[str, str, int, Callable[[Measured], list[float]]]] = [
         ("approach speed, m/s", "", 2, lambda r: [r["speed_mps"]]),
@@ -107,7 +109,7 @@ def _way_in_lengths(found: Measured, angle: int) -> float:
 
 
 def sheets(found: Found) -> list[Sheet]:
-    """The quantities, a column for each vehicle and the limit for ships; and what is published, at design speed."""
+    """The quantities, a column for each vehicle and the limit for ships; and published values, at design speed."""
 
     def text(values: list[float], digits: int) -> str:
         return " / ".join(dict.fromkeys(f"{round(value, digits) + 0.0:.{digits}f}" for value in values))
@@ -126,7 +128,7 @@ def sheets(found: Found) -> list[Sheet]:
 
 
 def _published(results: list[Measured]) -> list[list[str]]:
-    """Rows of vehicle, quantity, value here, published value and its source, for what is known of these vehicles."""
+    """Rows of vehicle, quantity, value here, published value and its source, for the vehicles with known values."""
     known, table = {result["name"]: result for result in results}, []
     if "vt690" in known:
         turns = known["vt690"]["turning_circle"].values()
@@ -141,7 +143,7 @@ def _published(results: list[Measured]) -> list[list[str]]:
         source = "Xu et al. 2013, ticks of the axes of figures 9 and 10; there it dives meanwhile"
         what = "width of the circle with 5 deg of rudder, m"
         table.append(["heu_torpedo", what, f"{width:.0f}", "more than 60, up to 70", source])
-    # found in a reprint without its references: the trials of SPC-III beside a vehicle of its size with a screw
+    # from a reprint without its references: the trials of SPC-III beside a propeller-driven vehicle of its size
     radii = [turn["radius"] / r["length_m"] for r in results for turn in r["turning_circle"].values()]
     source = "another propeller-driven vehicle, 45 deg of rudder at 1.1 m/s, in trials of the SPC-III robotic fish"
     what = "steady radius with full rudder, lengths"

@@ -1,4 +1,4 @@
-"""Turning circles, zigzags and depth changes: how they are run from a steady approach, and what is measured of them."""
+"""Turning circles, zigzags and depth changes: runs from a steady approach, and their quantities."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from auv_gym.plant import Plant, list_vehicles, load_vehicle
 from auv_gym.plant.cruise import Cruise, command_limits, find_cruise, find_helm
 from auv_gym.records.record import Record
 
-DT = 0.02  # s; a quick vehicle turns 0.3 deg meanwhile, and a zigzag's rudder may come so much late
+DT = 0.02  # s; a fast vehicle turns 0.3 deg in it, by which a zigzag's rudder may be late
 START_DEPTH = 20.0  # m
 DEPTH_STEP = 10.0  # m
 ZIGZAGS = (10, 20)  # deg of rudder and of heading
 SIDES = {"starboard": 1, "port": -1}
-LONGEST = 400.0  # lengths travelled, at the approach speed, after which a run counts as stuck
+LONGEST = 400.0  # lengths travelled, at the approach speed, after which a run is stopped
 V, W, Q, R, DEPTH, PITCH, HEADING = 1, 2, 4, 5, 8, 10, 11  # of the states that the torpedo families share
 
 
@@ -40,7 +40,7 @@ class Trial(NamedTuple):
 class Turn(NamedTuple):
     """A turning circle: lengths in m, angles in rad; from `radius` on, means over the last half turn.
 
-    speed_kept: over the approach speed.  drift: positive where the bow points into the turn.  roll: starboard down.
+    speed_kept: over the approach speed.  drift: positive if the bow points into the turn.  roll: starboard down.
     depth_error: the largest, m.
     """
 
@@ -66,7 +66,10 @@ class Zigzag(NamedTuple):
 
 
 class DepthChange(NamedTuple):
-    """A change of depth: 10 to 90 %, s; for good within 5 %, s; overshoot, share; largest pitch, rad; last error, m."""
+    """A change of depth: rise time, s; settling time, s; overshoot, share; largest pitch, rad; final error, m.
+
+    Rise is from 10 to 90 %, settling within 5 %.
+    """
 
     rise_time: float
     settling_time: float
@@ -76,7 +79,7 @@ class DepthChange(NamedTuple):
 
 
 class Result(NamedTuple):
-    """What a vehicle did: turns by side, zigzags by angle in deg, and the record of each run by its name."""
+    """The results of a vehicle: turns by side, zigzags by angle in deg, and the record of each run by its name."""
 
     trial: Trial
     turns: Mapping[str, Turn]
@@ -86,7 +89,7 @@ class Result(NamedTuple):
 
 
 def presets() -> list[str]:
-    """The presets in six degrees of freedom that fins steer and a drive moves."""
+    """The presets in six degrees of freedom with fins and propulsion."""
     plants = {name: load_vehicle(name) for name in list_vehicles()}
     return [name for name, plant in plants.items() if plant.family.body is not None and plant.family.body.steered]
 
@@ -95,7 +98,7 @@ def presets() -> list[str]:
 
 
 def approach(vehicle: str, speed: float | None = None) -> Trial:
-    """A vehicle in level flight at a speed, m/s, or at its design command; raises where it cannot fly so."""
+    """A vehicle in level flight at a speed, m/s, or at its design command; raises if it cannot fly like that."""
     plant = load_vehicle(vehicle, dt=DT)
     if plant.family.body is None:
         raise ValueError(f"The manoeuvres need a vehicle in six degrees of freedom, got {plant.name!r}.")
@@ -108,7 +111,7 @@ def approach(vehicle: str, speed: float | None = None) -> Trial:
         drive = plant.parts.propeller
         if abs(cruise.speed - speed) < 1e-4 * speed:
             return Trial(plant, cruise)
-        command = drive.design * speed / cruise.speed  # speed goes nearly with the command in all propulsion laws
+        command = drive.design * speed / cruise.speed  # speed is nearly proportional to the command in all laws
         if command > drive.limit:
             break
         plant = replace_at(plant, {"parts.propeller.design": command})
@@ -117,7 +120,7 @@ def approach(vehicle: str, speed: float | None = None) -> Trial:
 
 
 def stern_plane(trial: Trial, x: np.ndarray, depth: float) -> float:
-    """The stern plane that makes for a depth, by the regulator of the environments; pitch stays within HELD_PITCH."""
+    """The stern plane command towards a depth, by the regulator of the environments; pitch stays within HELD_PITCH."""
     cruise, k = trial.cruise, trial.cruise.plane_gains
     farthest = HELD_PITCH * abs(k[2] / k[3])
     away = min(max(x[DEPTH] - depth, -farthest), farthest)
@@ -126,7 +129,7 @@ def stern_plane(trial: Trial, x: np.ndarray, depth: float) -> float:
 
 
 def course_rudder(trial: Trial, x: np.ndarray) -> float:
-    """The rudder that keeps heading zero, by the regulator of the environments."""
+    """The rudder command for heading zero, by the regulator of the environments."""
     k = trial.cruise.rudder_gains
     return trial.cruise.commands[find_helm(trial.plant).rudder] - (
         k[0] * (x[V] - trial.cruise.state[V]) + k[1] * x[R] + k[2] * x[HEADING]
@@ -140,10 +143,10 @@ def record_of(
     duration: float,
     enough: Callable[[np.ndarray, int], bool] = lambda x, orders: False,
 ) -> Record:
-    """The record of a run from the approach, at START_DEPTH and heading north; the stern plane makes for `depth`.
+    """The record of a run from the approach, at START_DEPTH and heading north; the stern plane steers to `depth`.
 
-    steer: rudder command from the state and the command before.  enough: of the state and the number of times that
-    the rudder has changed sides, ends the run.
+    steer: rudder command from the state and the last command.  enough: of the state and the number of times that the
+    rudder has changed sides, ends the run.
     """
     plant, cruise = trial.plant, trial.cruise
     limits, size, helm = command_limits(plant), cruise.state.size, find_helm(plant)
@@ -152,7 +155,7 @@ def record_of(
     x[:size] = cruise.state
     x[DEPTH] = START_DEPTH
     commands = cruise.commands.copy()
-    for at in (size, size + commands.size, x.size - commands.size):  # positions, play, last command
+    for at in (size, size + commands.size, x.size - commands.size):  # positions, backlash, last command
         x[at : at + commands.size] = commands
     states, inputs, orders, before = [], [], 0, 0.0
     for _ in range(round(duration / plant.dt) + 1):
@@ -174,7 +177,7 @@ def record_of(
 
 @cache
 def manoeuvres(vehicle: str, speed: float | None) -> Result:
-    """Everything a vehicle is made to do."""
+    """All manoeuvres of a vehicle."""
     trial = approach(vehicle, speed)
     full = trial.plant.parts.rudder.limit
     runs = {f"turn to {side}": turning_circle(trial, sign * full) for side, sign in SIDES.items()}
@@ -213,7 +216,7 @@ def zigzag(trial: Trial, angle: float) -> Record:
         return before or rudder
 
     limit = trial.plant.parts.rudder.limit
-    if angle > 1.01 * limit:  # vt690 has 19.996 deg
+    if angle > 1.01 * limit:  # vt690 reaches 19.996 deg
         raise ValueError(
             f"{trial.plant.name!r} has {degrees(limit):.3g} deg of rudder, a zigzag needs {degrees(angle):.3g}."
         )

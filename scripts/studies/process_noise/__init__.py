@@ -1,1 +1,1 @@
-"""Fits and diagnoses of vehicles that something pushes about: `python -m scripts.studies.process_noise`."""
+"""Fits and diagnoses of vehicles pushed by random accelerations: `python -m scripts.studies.process_noise`."""

@@ -1,4 +1,4 @@
-"""What is done with one log of each part of the study, as plain data."""
+"""The attempt on one log of each part of the study, as plain data."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from identification.fit.shooting import Shooting
 from identification.fit.windows import free_run_windows
 from scripts.studies.process_noise.logs import Case, draw
 
-WRONG = 0.1  # relative error of the coefficients from which fits of parameters begin
-METHODS = {"filter": True, "free runs": False}  # by name, whether a fit has process noise
+WRONG = 0.1  # relative error of the initial coefficients of fits
+METHODS = {"filter": True, "free runs": False}  # whether a fit has process noise, by name
 EXCITED = 1e-6  # of a coefficient's sensitivity, in noises by its scale, as in a diagnosis
 
 
 def parameters(family: str, seed: int, loop: str, times: float) -> dict[str, Any]:
     """Estimates of an effect and the coefficients by each method, with the truth, and the process noise found.
 
-    side: that of neutral on which the effect is, so that an effect found too large is off to the positive.
+    side: the sign of the effect, so that positive errors are those of effects that are found too large.
     """
     case = draw(family, seed, loop, effect=True, times=times, wrong=WRONG)
     free = [case.effect, *excited(case.believed, case.record)]
@@ -47,13 +47,13 @@ def parameters(family: str, seed: int, loop: str, times: float) -> dict[str, Any
 
 
 def clean(family: str, seed: int, loop: str, times: float) -> dict[str, Any]:
-    """What a diagnosis says of a log of the vehicle as it is believed to be."""
+    """The diagnosis of a log of the vehicle as believed."""
     case = draw(family, seed, loop, effect=False, times=times)
     return _told(case) | diagnosed(case)
 
 
 def names(family: str, seed: int, loop: str, times: float) -> dict[str, Any]:
-    """What a diagnosis says of a log of a vehicle with one effect."""
+    """The diagnosis of a log of a vehicle with one effect."""
     case = draw(family, seed, loop, effect=True, times=times)
     return _told(case) | diagnosed(case)
 
@@ -76,9 +76,9 @@ def diagnosed(case: Case) -> dict[str, Any]:
 
 
 def judged(effect: str, named: Mapping[str, set[str]], tied: Sequence[Sequence[str]]) -> dict[str, Any]:
-    """right: the effect is a name, or tied.  false: names that do not mean it.
+    """right: whether the effect is named, or tied.  false: names that do not mean it.
 
-    named: by path, what the diagnosis cannot tell it from, itself among them.
+    named: by path, the paths that the diagnosis cannot tell it from, including itself.
     """
     known = any(effect in meant for meant in named.values()) or any(effect in group for group in tied)
     return {"right": bool(effect) and known, "false": sorted(p for p, meant in named.items() if effect not in meant)}
@@ -99,7 +99,7 @@ def noise_of(result: Any) -> dict[str, tuple[float, float]]:
 
 
 def _told(case: Case) -> dict[str, Any]:
-    """What was drawn."""
+    """The drawn truth."""
     return {
         "effect": case.effect,
         "size": case.size,

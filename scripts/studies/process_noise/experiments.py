@@ -1,4 +1,4 @@
-"""The experiments that are flown, one for each kind of vehicle, with the sensors of the blind logs."""
+"""The experiments, one for each kind of vehicle, with the sensors of the blind logs."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from scripts.studies.process_noise.flights import Experiment
 
 _RUN_IN = 30.0  # s before a log begins
 _COMPASS, _TRACK, _PRESSURE = radians(0.5), 1.0, 0.02  # rad, m, m: sensors of a glider, and of a float
-_RUDDER, _FINS = 0.3, 0.15  # excitation of a glider and of a torpedo, over a fin's stop
+_RUDDER, _FINS = 0.3, 0.15  # excitation of a glider and of a torpedo, over a fin's limit
 _BIT = 8.0  # s, of a glider's excitation
-_DEEP, _SHALLOW = (30.0, 33.0, 36.0, 39.0), (18.0, 21.0, 24.0, 27.0)  # m, by turns
+_DEEP, _SHALLOW = (30.0, 33.0, 36.0, 39.0), (18.0, 21.0, 24.0, 27.0)  # m, alternating
 
 
 @dataclass(frozen=True)
 class Vehicle:
     """A vehicle of the study.
 
-    dt: s, of its log.  duration: s.  experiment: drawn for it.  judged: velocities whose process noise is judged.
-    pieces: of a sample, so that pushes act as accelerations on what decays in less than a sample.
-    window, settle: of free runs, s, None for the vehicle's own.  loops: one that is unstable by itself has no open one.
+    dt: s, of its log.  duration: s.  experiment: draws one for it.  judged: velocities whose process noise is judged.
+    pieces: of a sample, so that pushes act like accelerations on states that decay in less than a sample.
+    window, settle: of free runs, s, None for the vehicle's own.  loops: no open one for an unstable vehicle.
     """
 
     preset: str
@@ -61,14 +61,14 @@ class Vehicle:
 
     @property
     def skipped(self) -> int:
-        """How many of them are the run-in."""
+        """Number of samples of the run-in."""
         return round(_RUN_IN / self.dt)
 
 
 def _glider(vehicle: Vehicle, rng: np.random.Generator) -> Experiment:
     plant, time = vehicle.plant, vehicle.time
     limit = plant.hull.rudder_limit
-    # what does not depend on the run: set points, and the speed and attitude of dives and climbs
+    # independent of the run: set points, and the speed and attitude of dives and climbs
     plan = closed_loop(plant, rng=rng, duration=float(time[-1]), run_in=0.0)
     added = prbs(time.size, round(_BIT / plant.dt), _RUDDER * limit, rng)
     return Experiment(
@@ -126,7 +126,7 @@ _VEHICLES = (
     Vehicle("ganeshblue", 1.0, 1000.0, _glider, ("r_radps",), 20),
     Vehicle("qiandao_float", 0.7, 1400.0, _float, ("depth_rate_mps",), 4),
     Vehicle("npsauv", 0.5, 1000.0, _torpedo, ("q_radps", "r_radps"), 4),
-    # its yaw is unstable: noise of the first readings alone makes free runs over 120 s err by 50 deg and more
+    # its yaw is unstable: the noise of the first readings alone causes errors of 50 deg and more in 120 s
     Vehicle(
         "remus100", 0.2, 400.0, _torpedo, ("q_radps", "r_radps"), 4, window=6.0, settle=2.0, loops=("closed", "exact")
     ),

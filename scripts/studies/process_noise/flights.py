@@ -1,4 +1,4 @@
-"""One experiment with a plant that is pushed about, steered by its controller or by commands that are given."""
+"""One experiment with a plant that is pushed by accelerations, steered by its controller or by given commands."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from controllers.controller import Controller
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """What is drawn before a run, so that it is the same whatever disturbs the vehicle.
+    """What is drawn before a run, so that it is the same for any disturbance of the vehicle.
 
     time: (n,), s, evenly spaced.  start: outputs in the first sample, others zero.  wanted: set points, (n,) by
-    channel.  limits: lowest and highest command, by the input that the controller commands.  given: inputs that follow
-    from nothing, (n,).  from_depth: an input that follows from the true depth.  also: what else is logged.
+    channel.  limits: lowest and highest command, by the input that the controller commands.  given: independent inputs,
+    (n,).  from_depth: an input that follows from the true depth.  also: further logged data.
     sensors: standard deviation of white noise by measured output.  skipped: rows that are not logged, as a log begins
-    in mid-mission.  exact: whether the controller sees the vehicle as it is, and not what the sensors say.
+    in mid-mission.  exact: whether the controller gets the true outputs instead of the sensors' readings.
     """
 
     time: np.ndarray
@@ -41,7 +41,7 @@ class Experiment:
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """A run: the log, what the sensors added to it, and the true velocities, all without the skipped rows.
+    """A run: the log, the sensor noise, and the true velocities, all without the skipped rows.
 
     commands: (all rows, commands).  noise: (rows, sensors).  pushes: (rows, axes).  states: (rows, axes), velocities.
     """
@@ -63,8 +63,8 @@ def fly(
 ) -> Flight:
     """The run of a plant whose velocities `axes` are pushed by accelerations (n, axes), held over each sample.
 
-    normals: (n, sensors), of the sensors' noise.  commands: in place of the controller's.  Half of each push acts
-    before a piece of the step and half after it (Strang 1968, SIAM J. Numer. Anal. 5).  Raises Diverged.
+    normals: (n, sensors), of the sensors' noise.  commands: replace the controller's.  Half of each push acts before a
+    piece of the step and half after it (Strang 1968, SIAM J. Numer. Anal. 5).  Raises Diverged.
     """
     e = experiment
     dt, piece = plant.dt, plant.dt / e.pieces

@@ -1,4 +1,4 @@
-"""How strong the process noise of a log is: as strong as makes the true model's free runs err by so much."""
+"""The strength of the process noise of a log, set by the error of the true model's free runs."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from scripts.studies.process_noise.flights import Experiment, Flight, fly
 from scripts.studies.process_noise.pushes import Disturbance, accelerations, velocities
 
 TOLERANCE = 0.03  # of the wanted error
-TRIES = 12  # of a factor
-_FIRST = 1e-3  # 1/s, the factor that is tried first
-_FARTHEST = 10.0  # how many times it may change from one try to the next
+TRIES = 12  # most tries of a factor
+_FIRST = 1e-3  # 1/s, first factor tried
+_FARTHEST = 10.0  # largest ratio between consecutive tries
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class Level:
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """Runs of one experiment with one plant, which differ in their process noise alone.
+    """Runs of one experiment with one plant, which differ only in their process noise.
 
     spread: (axes,), RMS of the velocities about their means without process noise.  commands: given ones, else None.
     """
@@ -63,7 +63,7 @@ class Trials:
 
     @classmethod
     def of(cls, plant: Plant, experiment: Experiment, draws: Draws, loop: str) -> Trials:
-        """loop: "closed", or "open" for the commands of an undisturbed run in closed loop, other sensor noise."""
+        """The trials; loop: "closed", or "open" for the commands of an undisturbed closed loop, other sensor noise."""
         rehearsed = fly(plant, experiment, velocities(plant), np.zeros_like(draws.pushes), draws.rehearsal)
         spread = np.std(rehearsed.states, axis=0)
         return cls(plant, experiment, draws, spread, rehearsed.commands if loop == "open" else None)
@@ -87,7 +87,7 @@ class Trials:
     def wanted(self, times: float) -> Level:
         """The log in which the true model's free runs err by `times` the noise of the leading sensor; 0 for no noise.
 
-        Raises ValueError where no level is found.
+        Raises ValueError if no level is found.
         """
         leading = self.plant.family.leading
         if times == 0.0:
@@ -100,13 +100,13 @@ class Trials:
             error = level.errors[leading]
             if abs(error / times - 1.0) < TOLERANCE:
                 return level
-            # the error of the starts and that of the pushes add up in squares, and the latter is nearly linear
+            # the squared errors of the starts and of the pushes add up, and the latter error is nearly linear
             part = max(error**2 - floor**2, 1e-3 * times**2)
             factor *= float(np.clip(np.sqrt((times**2 - floor**2) / part), 1.0 / _FARTHEST, _FARTHEST))
         raise ValueError(f"No level of process noise makes free runs err by {times:g} times the sensor's noise.")
 
     def shown(self, factor: float, axis: str) -> float:
-        """What one acceleration alone adds to the variance of free-run errors, in the sensor's, where it adds most."""
+        """The variance that one acceleration alone adds to free-run errors, over the sensor's, where it is largest."""
         if factor == 0.0:
             return 0.0
         alone = self.at(factor, axis).errors
@@ -114,10 +114,10 @@ class Trials:
 
 
 def free_run_errors(plant: Plant, experiment: Experiment, flight: Flight) -> dict[str, float]:
-    """RMS by which free runs of a plant miss the true outputs, over the deviation of each sensor's noise, by channel.
+    """RMS error of free runs of a plant against the true outputs, over the deviation of each sensor's noise.
 
-    Free runs over the vehicle's windows, from states fitted to the noisy readings; the noise of what they are scored
-    against is left out.
+    The free runs cover the vehicle's windows, from states fitted to the noisy readings; the noise of the scored data is
+    left out.
     """
     windows = free_run_windows(plant, flight.record, plant.window)
     runs = free_runs(plant, flight.record, windows, plant.settle)

@@ -1,4 +1,4 @@
-"""Logs with process noise: a vehicle pushed about by accelerations that nothing records, in open and in closed loop."""
+"""Logs with process noise: a vehicle pushed by unrecorded accelerations, in open and in closed loop."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from scripts.studies.process_noise.flights import Experiment
 from scripts.studies.process_noise.levels import Draws, Level, Trials
 from scripts.studies.process_noise.pushes import velocities
 
-TAUS = (5.0, 120.0)  # s, between which correlation times are drawn, evenly in their logarithm
-MULTIPLES = (5.0, 10.0)  # of its standard error: the size of an effect
-LEAST, MOST = 4.5, 12.0  # the same where it is looked at again with the size it has
-ATTEMPTS = 60  # to draw an effect that the log shows
+TAUS = (5.0, 120.0)  # s, range of correlation times, log-uniform
+MULTIPLES = (5.0, 10.0)  # size of an effect over its standard error
+LEAST, MOST = 4.5, 12.0  # the same for the standard error at the final size
+ATTEMPTS = 60  # most attempts to draw an effect that the log shows
 
 Process = Mapping[str, tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A log, the vehicle as it is and as the modeller believes it to be.
+    """A log, the true vehicle and the one that the modeller believes in.
 
-    effect: path of the one that is missing, or "".  size: its value, in the parameter's unit.  error: its standard
-    error, by a filter that knows the noise.  loop: "open", "closed" or "exact".  process: deviation, m/s^2 or rad/s^2,
-    and correlation time, s, of the acceleration by velocity.  sensors: deviation of white noise by channel.
+    effect: path of the missing one, or "".  size: its value, in the parameter's unit.  error: its standard error, by a
+    filter that knows the noise.  loop: "open", "closed" or "exact".  process: deviation, m/s^2 or rad/s^2, and
+    correlation time, s, of the acceleration by velocity.  sensors: deviation of white noise by channel.
     free_run: error of the true model's free runs in the leading channel, over its sensor's noise.  shown: by judged
-    velocity, what its acceleration adds to the variance of free-run errors, over the sensor's, where it adds most.
+    velocity, the variance that its acceleration adds to free-run errors, over the sensor's, where it is largest.
     pushes: the accelerations, (rows, axes).
     """
 
@@ -56,8 +56,8 @@ def draw(family: str, seed: int, loop: str, effect: bool, times: float = 1.0, wr
     """The case of a family and a seed; the same vehicle, manoeuvres and random numbers in both loops.
 
     effect: whether one is missing that the log shows by `MULTIPLES` standard errors.  times: error of the true model's
-    free runs over the leading sensor's noise, by process noise.  wrong: relative error of every believed coefficient.
-    Raises ValueError where no attempt succeeds.
+    free runs by process noise, over the leading sensor's noise.  wrong: relative error of every believed coefficient.
+    Raises ValueError if no attempt succeeds.
     """
     if family not in VEHICLES or loop not in VEHICLES[family].loops:
         flown = "; ".join(f"{name} ({', '.join(one.loops)})" for name, one in VEHICLES.items())
@@ -103,7 +103,7 @@ def standard_errors(
 
 
 def single_effects(plant: Plant, record: Record) -> list[str]:
-    """The effects that may be missing, without those of several components."""
+    """The candidate effects with a single component."""
     return [c.paths[0] for c in candidates_of(plant, record) if len(c.free) == 1]
 
 
@@ -124,10 +124,10 @@ def _pairs(level: Level) -> dict[str, tuple[float, float]]:
 def _with_effect(
     without: Trials, level: Level, loop: str, times: float, rng: np.random.Generator
 ) -> tuple[Trials, str, float, Level]:
-    """The vehicle with an effect that its log shows, its path, standard error and log; the coefficients are fitted too.
+    """The vehicle with an effect that its log shows, its path, standard error and log; coefficients are fitted, too.
 
-    level: of the log without an effect, by which sizes are first guessed.  Standard errors of effects with a corner at
-    neutral depend on the size, so that they are taken again at the size.
+    level: of the log without an effect, for the first guess of sizes.  Standard errors of effects with a corner at
+    neutral depend on the size, so they are computed again at the size.
     """
     plain, experiment = without.plant, without.experiment
     names = single_effects(plain, level.flight.record)
@@ -151,6 +151,6 @@ def _with_effect(
                 error = error_of(path, trials.plant, found)
                 if LEAST * error <= abs(value - spec.neutral) <= MOST * error:
                     return trials, path, error, found
-        except (ValueError, Diverged, np.linalg.LinAlgError):  # the vehicle could not be kept on its way
+        except (ValueError, Diverged, np.linalg.LinAlgError):  # the vehicle could not be controlled
             continue
     raise ValueError(f"No effect of {plain.name} shows in {ATTEMPTS} draws.")

@@ -40,9 +40,9 @@ FREE = (
     "effects.current.east",
 )
 LEADS = (0.5, 0.7, 1.0)  # s
-LATE = (0, 1, 2, 3)  # rows by which pitch may have been logged later than the plane
+LATE = (0, 1, 2, 3)  # rows by which pitch may be logged later than the plane
 MEMORY = 2.0  # s, of the regressors: about a period of the pitching
-_BLOCK = 20.0  # s, resampled as wholes
+_BLOCK = 20.0  # s, length of resampled blocks
 _DRAWS, _SEED = 400, 690
 _STEP = 1e-3  # rad, of the stern plane of the given vehicle
 PLANE, PITCH, FORWARD = "stern_plane_rad", "pitch_rad", "u_dvl_mps"
@@ -51,10 +51,10 @@ BESIDE = (FORWARD, "w_dvl_mps", "depth_m")
 
 @dataclass(frozen=True)
 class Short:
-    """What follows the stern plane at once, over what the given vehicle does, with 95 % intervals by lead.
+    """The early response to the stern plane, over that of the given vehicle, with 95 % intervals by lead.
 
-    late: rows by which pitch is taken to be logged later than the plane.  left: RMS of one-step errors, rad.
-    first: the coefficient of the latest angle over its standard error, positive where it acts as the plane does.
+    late: assumed delay of the logged pitch behind the plane, rows.  left: RMS of one-step errors, rad.
+    first: the coefficient of the latest angle over its standard error, positive if it acts like the plane.
     """
 
     late: int
@@ -70,7 +70,7 @@ def fitted(record: Record, plant: Plant) -> GreyBoxFit:
 
 
 def short_leads(record: Record, plant: Plant, late: int) -> Short:
-    """The response of pitch to the stern plane by a regression of each row on those before (ARX, Ljung 1999, sec. 4.2).
+    """The response of pitch to the stern plane by a regression of each row on earlier ones (ARX, Ljung 1999, sec. 4.2).
 
     late: rows by which the log's pitch is behind its plane; the plane's last `late` angles are left out.  Intervals are
     those of resampled blocks (Efron and Tibshirani 1993, ch. 8).
@@ -98,13 +98,13 @@ def short_leads(record: Record, plant: Plant, late: int) -> Short:
     for lead, own in given.items():
         some = np.array([_stepped(one, memory, round(lead / step)) for one in found]) / own
         shares[lead] = (float(some[0]), *(float(v) for v in np.quantile(some[1:], (0.025, 0.975))))
-    count = float(every[:, 2 * memory, 2 * memory].sum())  # of the constant
+    count = float(every[:, 2 * memory, 2 * memory].sum())  # entry of the constant
     left = np.sqrt(max(squares - float(found[0] @ right.sum(axis=0)), 0.0) / count)
     return Short(late, float(left), float(found[0, memory] / np.std(found[1:, memory])), shares)
 
 
 def _stepped(coefficients: np.ndarray, memory: int, rows: int) -> float:
-    """The pitch that a regression gives so many rows after a step of its plane by 1 rad."""
+    """The pitch of a regression `rows` rows after a step of its plane by 1 rad."""
     own, felt = coefficients[:memory], np.cumsum(coefficients[memory : 2 * memory])
     pitch = np.zeros(memory + rows)
     for k in range(rows):
@@ -113,7 +113,7 @@ def _stepped(coefficients: np.ndarray, memory: int, rows: int) -> float:
 
 
 def _given(plant: Plant, lead: float) -> float:
-    """By how much the vehicle's pitch changes within a lead per angle of its stern plane, from level flight."""
+    """Change of the vehicle's pitch within a lead per angle of its stern plane, from level flight."""
     cruise, plane = find_cruise(plant), find_helm(plant).plane
     plant = replace(plant, dt=lead)
     found = []
@@ -137,7 +137,7 @@ def coloured(fit: GreyBoxFit) -> dict[str, float]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print both estimates, the process noise, and how much prediction errors correlate from sample to sample."""
+    """Print both estimates, the process noise, and the correlation of prediction errors from sample to sample."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("log", help="a log of the VT 690")
     log = parser.parse_args(arguments).log

@@ -1,4 +1,4 @@
-"""The tables of the study, from what was found in each log."""
+"""The tables of the study, from the results of each log."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from scripts.studies.process_noise.attempts import METHODS, PARTS
 from scripts.studies.process_noise.experiments import VEHICLES
 from scripts.studies.process_noise.rates import NONE, mean, rate
 
-FACTOR = 1.5  # within which a stated deviation is right
-SHOWN = 0.1  # of the sensor's variance, that an acceleration must add to free-run errors of some channel to be judged
+FACTOR = 1.5  # largest ratio for a stated deviation to count as right
+SHOWN = 0.1  # of the sensor's variance: least addition to free-run errors for an acceleration to be judged
 EFFECT = "the effect"
 Results = Sequence[Mapping[str, Any]]
 
 
 def case_of(part: str, family: str, loop: str) -> str:
-    """What a case is called."""
+    """The name of a case."""
     return f"{part}: {family}, {loop}"
 
 
@@ -110,7 +110,7 @@ def _estimates(family: str, results: Results) -> list[list[str]]:
     coefficients = ["all coefficients"]
     for of in by_method.values():
         held = [hit for name, some in of.items() if name != EFFECT for _, hit in some]
-        # without an interval: those of one log are correlated
+        # without an interval, since those of one log are correlated
         coefficients += [str(len(held)), NONE, f"{100.0 * np.mean(held):.1f}" if held else NONE]
     return [rows[0], coefficients, *rows[1:]]
 
@@ -149,6 +149,6 @@ def _named(results: Results) -> list[str]:
 
 
 def _listed(paths: Sequence[str]) -> str:
-    """Paths with how often each is there."""
+    """Paths with their counts."""
     counts = {path: paths.count(path) for path in sorted(set(paths))}
     return "; ".join(f"{path.removeprefix('effects.')} ({count})" for path, count in counts.items())

@@ -55,15 +55,15 @@ NAMES: Mapping[str, str] = {
     "gpc": "GPC of the believed vehicle, no policy",
 }
 HOUR = 3600.0
-CLEAN, FLIGHT = 10.0, 3.0  # hours, of the log that the monitor learns from and of an episode; the onset is after one
+CLEAN, FLIGHT = 10.0, 3.0  # hours, of the log that the monitor learns from and of an episode; onset after one hour
 FALSE_ALARMS = 0.1  # an hour
-WAIT = 3.0  # of the vehicle's windows, from an alarm to the search
+WAIT = 3.0  # windows of the vehicle from an alarm to the search
 PERIODS = ("before", "first hour after", "second hour after")
 
 
 @dataclass(frozen=True, eq=False)
 class Becomes:
-    """A plant that turns into another one of its family at a time, as a model; the last state is the time, s."""
+    """A plant that becomes another one of its family at a time, as a model; the last state is the time, s."""
 
     before: Plant
     after: Plant
@@ -107,7 +107,7 @@ class Becomes:
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """Rewards of an episode, step by step; named: time and effects of each search that an alarm has led to."""
+    """Rewards of an episode, step by step; named: time and effects of each search after an alarm."""
 
     time: np.ndarray
     rewards: np.ndarray
@@ -115,7 +115,7 @@ class Flight:
 
 
 def attempt(case: str, seed: int, steps: int, episodes: int, out: Path) -> dict[str, Any]:
-    """Costs a step of an agent in each period, episode by episode, and what searches have named."""
+    """Costs per step of an agent in each period, episode by episode, and the names of searches."""
     scenario = SCENARIOS["glider"]
     flights = [flown(scenario, case, seed, own, steps, out) for own in fresh_seeds(seed, episodes)]
     return {
@@ -169,10 +169,10 @@ def flown(scenario: Scenario, case: str, seed: int, episode: int, steps: int, ou
 
 
 def begun(monitor: Monitor) -> dict[str, float]:
-    """Effects that begin in the monitor's stretch, as a search finds them, with their sizes; none where it cannot."""
+    """Effects that begin in the monitor's stretch, according to a search, with their sizes; none if it fails."""
     try:
         found = monitor.explain().found
-    except ValueError:  # hardly any rudder, or readings that look mislabelled
+    except ValueError:  # hardly any rudder motion, or readings that look mislabelled
         return {}
     return {one.path: one.size.value for one in found if one.form == FROM and one.path.startswith("effects.")}
 
@@ -195,12 +195,12 @@ def monitor_of(name: str, seed: int) -> Monitor:
 
 
 def fresh(monitor: Monitor) -> Monitor:
-    """A monitor that has learned the same and has seen nothing yet."""
+    """A monitor with the same training that has seen no data yet."""
     return Monitor(monitor.learned, monitor.false_alarms_per_hour)
 
 
 def sheets(found: Found) -> list[Sheet]:
-    """Costs by agent and period, and what searches have named."""
+    """Costs by agent and period, and the names of searches."""
     rows, said = [], []
     for case, name in NAMES.items():
         runs = found.of(case)

@@ -1,4 +1,4 @@
-"""The log of the true vehicle, and what is made of it: identified surrogates, the diagnosed vehicle; kept as files."""
+"""The log of the true vehicle, and models from it, stored as files: identified surrogates, the diagnosed vehicle."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ STEP = 0.1  # s, of its integration
 
 
 def log_of(scenario: Scenario, seed: int) -> Record:
-    """The true vehicle under its autopilot with excitation added, as its noisy sensors give it."""
+    """The log of the true vehicle under its autopilot with excitation added, from its noisy sensors."""
     return run_mission(scenario.truth, np.random.default_rng([seed, 7]), **scenario.log)
 
 
 def model_of(scenario: Scenario, row: str, seed: int, folder: Path) -> Model:
-    """The model of a row from the log of a seed, read from the folder if it is there."""
+    """The model of a row from the log of a seed, read from the folder if it exists."""
     if row not in _MAKERS:
         raise ValueError(f"{row} is no model that is made of a log; those are {', '.join(_MAKERS)}.")
     folder.mkdir(parents=True, exist_ok=True)
@@ -55,7 +55,7 @@ def _logged(scenario: Scenario, seed: int, folder: Path) -> Record:
 
 def _armax(scenario: Scenario, record: Record) -> tuple[Model, dict[str, Any]]:
     fit = Armax((scenario.command,), **scenario.linear).fit(record)
-    return fit.model.state_space, {"loss": np.diag(fit.loss).tolist()}  # a state space steps three times as fast
+    return fit.model.state_space, {"loss": np.diag(fit.loss).tolist()}  # a state space is three times as fast to step
 
 
 def _grey_box(scenario: Scenario, record: Record) -> tuple[Model, dict[str, Any]]:
@@ -69,7 +69,7 @@ def _hull(scenario: Scenario, record: Record) -> tuple[Model, dict[str, Any]]:
 
 
 def _diagnosed(scenario: Scenario, record: Record) -> tuple[Model, dict[str, Any]]:
-    """The vehicle that the diagnosis writes; it is told the log and the believed vehicle, and nothing else."""
+    """The vehicle according to the diagnosis, which is given only the log and the believed vehicle."""
     found = diagnose(record, scenario.believed, window=scenario.window, settle=scenario.settle)
     effects = [
         {"path": e.path, "title": e.title, "value": e.value, "ci95": list(e.ci95), "tied_with": list(e.tied_with)}

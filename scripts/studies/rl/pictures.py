@@ -58,15 +58,15 @@ LOOKS = {  # Okabe and Ito's palette
     STACKED: "#0072b2",
     RECURRENT: "#6a3d9a",
 }
-LINES = {DIAGNOSED: "--", ARMAX: ":"}  # they lie on others
-EPISODE = 0  # of the fresh ones, the one that is drawn
+LINES = {DIAGNOSED: "--", ARMAX: ":"}  # these overlap with others
+EPISODE = 0  # index of the drawn one among the fresh episodes
 _COLUMNS = 3
 
 
 def pictures(found: Found) -> dict[str, Callable[[], Figure]]:
     """All figures, by file name."""
     results, out = by_scenario(found), found.folder
-    assert out is not None  # the study keeps one
+    assert out is not None  # the study always has a folder
     drawn: dict[str, Callable[[], Figure]] = {"rl_intervals.png": lambda: intervals_figure(results)}
     if any("curve" in result for rows in results.values() for of in rows.values() for result in of):
         drawn["rl_curves.png"] = lambda: curves_figure(results)
@@ -100,7 +100,7 @@ def intervals_figure(found: Results) -> Figure:
 
 
 def curves_figure(found: Results) -> Figure:
-    """Learning curves by row, mean over the seeds; each in the environment that it was trained in."""
+    """Learning curves by row, mean over the seeds; each in its own training environment."""
     figure = new_figure(3.6)
     panels = grid(figure, len(found), len(found))
     for axes, name in zip(panels, found, strict=True):
@@ -135,12 +135,12 @@ def episodes(found: Results, name: str, out: Path, episode_seed: int) -> dict[st
 
 
 def episode_of(agent: Agent, env: gymnasium.Env, seed: int, scenario: Scenario) -> dict[str, np.ndarray]:
-    """An episode as columns: time_s; state, target and command, as people read the scenario's channels; reward."""
+    """An episode as columns: time_s; state, target and command in readable units of the scenario's channels; reward."""
     followed, moved = channel(scenario.channel), scenario.command
     observation, info = env.reset(seed=seed)
     act, rows, ended = agent.begin(env), [], False
     while not ended:
-        target = info["target"][followed.name]  # the one that the next action is chosen for
+        target = info["target"][followed.name]  # the target for the next action
         observation, reward, terminated, truncated, info = env.step(act(observation, info))
         state = dict(info["state"]).get(followed.name, dict(info["reading"])[followed.name])
         if followed.angle:
@@ -157,7 +157,7 @@ def episode_of(agent: Agent, env: gymnasium.Env, seed: int, scenario: Scenario) 
 
 
 def episodes_figure(scenario: Scenario, shown: dict[str, dict[str, np.ndarray]]) -> Figure:
-    """What each policy is to hold against its target, on the true vehicle, above a command."""
+    """The controlled quantity of each policy and its target, on the true vehicle, above a command."""
     rows = (len(shown) + _COLUMNS - 1) // _COLUMNS
     figure = new_figure(2.5 * rows + 0.4)
     panels: Any = figure.subplots(2 * rows, _COLUMNS, squeeze=False, sharex=True, height_ratios=[2.4, 1.0] * rows)

@@ -1,4 +1,4 @@
-"""Where policies are trained on models: four vehicles, an effect that nobody declared in each."""
+"""Scenarios of policies trained on models: four vehicles, each with an undeclared effect."""
 
 from __future__ import annotations
 
@@ -35,19 +35,19 @@ WORDS = {
     "gpc": "GPC",
 }
 REMEMBERING: Mapping[str, Mapping[str, Any]] = {RANDOMISED: {}, STACKED: {"frames": 8}, RECURRENT: {"recurrent": True}}
-SPREAD = 0.2  # of a coefficient to either side, in domain randomisation
+SPREAD = 0.2  # relative range of a coefficient to either side, in domain randomisation
 
 
 @dataclass(frozen=True)
 class Scenario:
     """A vehicle with an undeclared effect in an environment; name: in cases and folders.
 
-    effect: path and value.  options: of the environment, but the vehicle.  log: settings of the experiment.
+    effect: path and value.  options: of the environment, without the vehicle.  log: settings of the experiment.
     linear: orders of ARMAX.  free: coefficients of the grey box.  window, settle: s, of its free runs and those of the
     diagnosis, None for the vehicle's own.  drawn: ranges of domain randomisation beside those of `coefficients`.
     channel, command: shown in pictures of episodes.  gamma: of the learning; steps: of one training.  shipped: whether
-    policies learn with the environment's own hyperparameters.  conditions: ranges of what is no part of the vehicle,
-    such as a current, from which every episode draws, in training and in the tests.
+    policies learn with the environment's own hyperparameters.  conditions: ranges of quantities outside the vehicle,
+    such as a current, drawn in every episode, in training and in the tests.
     """
 
     name: str
@@ -75,17 +75,17 @@ class Scenario:
 
     @property
     def believed(self) -> Plant:
-        """The vehicle as its modeller believes it to be."""
+        """The vehicle that its modeller believes in."""
         return load_vehicle(self.vehicle, dt=self.dt)
 
     @property
     def truth(self) -> Plant:
-        """The vehicle as it is."""
+        """The true vehicle."""
         return replace_at(self.believed, dict([self.effect]))
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """What domain randomisation draws from, by parameter path."""
+        """The ranges of domain randomisation, by parameter path."""
         plant = self.believed
         own = {path: value_at(plant, path) for path in self.coefficients}
         wide = {path: sorted((value * (1.0 - SPREAD), value * (1.0 + SPREAD))) for path, value in own.items()}
@@ -98,10 +98,10 @@ class Scenario:
         return {"vehicle": self.vehicle, "dt": self.dt, **self.options, **(drawn if self.conditions else {})}
 
     def driven_by(self, model: Model) -> tuple[str | Model, dict[str, Any]]:
-        """What drives the environment in place of its vehicle, and the environment's options.
+        """The replacement of the vehicle in the environment, and the environment's options.
 
-        Drawn conditions do not act on a model in the vehicle's place.  Where there are conditions, a plant comes in by
-        those of its parameters that differ from the believed vehicle's; raises on other models.
+        Drawn conditions do not act on a replacing model.  With conditions, a plant is therefore given by those of its
+        parameters that differ from the believed vehicle's; raises for other models.
         """
         if not self.conditions:
             return model, self.settings
@@ -117,7 +117,7 @@ class Scenario:
 
     @property
     def all_rows(self) -> tuple[str, ...]:
-        """What is trained, then the controllers."""
+        """The trained rows, then the controllers."""
         return (*self.rows, *self.controllers)
 
 
@@ -210,7 +210,7 @@ _SCENARIOS = (
         command="t1_share",
         gamma=0.99,
         steps=4_000_000,
-        window=5.0,  # of the believed vehicle, runs of 20 s diverge in two of five logs
+        window=5.0,  # runs of the believed vehicle over 20 s diverge in two of five logs
         settle=1.0,
         shipped=True,
         conditions=dict.fromkeys(_CURRENTS, (-0.22, 0.22)),
@@ -242,7 +242,7 @@ SCENARIOS: Mapping[str, Scenario] = {scenario.name: scenario for scenario in _SC
 
 
 def case_of(name: str, row: str) -> str:
-    """A row of a scenario, as a case of the study."""
+    """The case of the study for a row of a scenario."""
     return f"{name}, {row}"
 
 
@@ -253,14 +253,14 @@ def split_case(case: str) -> tuple[str, str]:
 
 
 def policy_folder(name: str, row: str, seed: int, out: Path) -> Path:
-    """Where a training leaves its files."""
+    """The folder of a training's files."""
     return out / name / row / f"seed_{seed}"
 
 
 def true_env(scenario: Scenario) -> gymnasium.Env:
-    """The environment that all rows are judged in: the true vehicle with noisy sensors.
+    """The environment for judging all rows: the true vehicle with noisy sensors.
 
-    Scales, limits and what a controller knows are those of the believed vehicle, as an operator would have them.
+    Scales, limits and the controller's knowledge are those of the believed vehicle, as an operator would have them.
     """
     on, options = scenario.driven_by(scenario.truth)
     return make_env(scenario.env, on, **options)

@@ -1,4 +1,4 @@
-"""Interquartile means of few runs with stratified bootstrap intervals, and what share of a gap is closed.
+"""Interquartile means of few runs with stratified bootstrap intervals, and the closed share of a gap.
 
 Source: Agarwal, Schwarzer, Castro, Courville and Bellemare 2021, Deep reinforcement learning at the edge of the
 statistical precipice, Advances in Neural Information Processing Systems 34, sections 4.1 and 4.3.
@@ -18,7 +18,7 @@ Strata = Sequence[np.ndarray]
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value with its 95 % interval; the interval is the value twice where nothing was resampled."""
+    """A value with its 95 % interval; the interval is the value twice if nothing was resampled."""
 
     value: float
     low: float
@@ -26,7 +26,7 @@ class Estimate:
 
 
 def interquartile_mean(values: np.ndarray) -> np.ndarray:
-    """Mean of the middle half along the last axis; values at its edges count by the part that is inside."""
+    """Mean of the middle half along the last axis; values at its edges count in part."""
     x = np.sort(np.asarray(values, dtype=float), axis=-1)
     n = x.shape[-1]
     at = np.arange(n)
@@ -35,7 +35,7 @@ def interquartile_mean(values: np.ndarray) -> np.ndarray:
 
 
 def iqm(strata: Strata, rng: np.random.Generator) -> Estimate:
-    """The interquartile mean of the scores of all runs; strata: scores by task, whose runs are resampled apart.
+    """The interquartile mean of the scores of all runs; strata: scores by task, whose runs are resampled separately.
 
     A run is one training; its score is its mean return over the episodes, which are the same for all runs.
     """
@@ -45,14 +45,14 @@ def iqm(strata: Strata, rng: np.random.Generator) -> Estimate:
 
 
 def compared(rows: Sequence[np.ndarray], value: Callable[..., np.ndarray], rng: np.random.Generator) -> Estimate:
-    """A function of the interquartile means of several rows of one task, each row's runs resampled apart."""
+    """A function of the interquartile means of several rows of one task, with each row's runs resampled separately."""
     scores = _checked(rows)
     means = [interquartile_mean(_drawn(one, rng)) for one in scores]
     return _estimate(float(value(*(interquartile_mean(one) for one in scores))), value(*means))
 
 
 def share_closed(true: np.ndarray, believed: np.ndarray, found: np.ndarray) -> np.ndarray:
-    """Of what is lost between the true and the believed, the share that a third one gives back."""
+    """The share of the loss from the true to the believed model that a third one recovers."""
     return (found - believed) / (true - believed)
 
 

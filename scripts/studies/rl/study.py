@@ -42,12 +42,12 @@ from scripts.studies.rl.scenarios import (
 )
 from scripts.studies.rl.tables import sheets
 
-CHOOSING = 16  # episodes by which the best policy of a training is chosen, where it is trained
-EVALUATIONS = 10  # of the policy, in the course of a training
+CHOOSING = 16  # episodes in the training environment by which the best policy is chosen
+EVALUATIONS = 10  # of the policy during a training
 
 
 def attempt(case: str, seed: int, steps: int, episodes: int, episode_seed: int, out: Path) -> dict[str, Any]:
-    """Returns of a row of a scenario on the true vehicle, and how its training went; steps: 0 for the scenario's."""
+    """Returns of a row of a scenario on the true vehicle, and data of its training; steps: 0 for the scenario's."""
     began = perf_counter()
     name, row = split_case(case)
     env, how = true_env(SCENARIOS[name]), {}
@@ -62,7 +62,7 @@ def attempt(case: str, seed: int, steps: int, episodes: int, episode_seed: int, 
 
 
 def training_of(name: str, row: str, seed: int, out: Path, steps: int) -> Training:
-    """What a row is trained on; makes its model from the log of this seed where it needs one."""
+    """The training of a row; makes its model from the log of this seed if needed."""
     scenario = SCENARIOS[name]
     options: dict[str, Any] = scenario.settings
     on: str | Model = ITSELF
@@ -85,12 +85,12 @@ def training_of(name: str, row: str, seed: int, out: Path, steps: int) -> Traini
 
 
 def learning_of(scenario: Scenario) -> Mapping[str, Any]:
-    """The hyperparameters of a scenario, but steps and discount."""
+    """The hyperparameters of a scenario, without steps and discount."""
     return hyperparameters_for(scenario.env).model_dump(exclude_unset=True) if scenario.shipped else PPO
 
 
 def seeds_of(case: str, seeds: Sequence[int]) -> Sequence[int]:
-    """A controller learns nothing: it has one run."""
+    """The seeds of a case; a controller learns nothing, so it has one run."""
     return seeds[:1] if split_case(case)[1] in CONTROLLERS else seeds
 
 

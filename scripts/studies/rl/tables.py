@@ -1,4 +1,4 @@
-"""What the study found: interquartile means of returns, costs over the true vehicle's policies, gaps closed."""
+"""The results of the study: interquartile means of returns, costs over the true vehicle's policies, gaps closed."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ Results = Mapping[str, Mapping[str, Sequence[Mapping[str, Any]]]]  # by scenario
 
 @dataclass(frozen=True)
 class Line:
-    """A row of a table: interquartile mean of the runs' mean returns, and what it is beside others.
+    """A row of a table: interquartile mean of the runs' mean returns, and its comparison with others.
 
-    cost: over that of the true vehicle's policies.  closed: share of what the believed vehicle's policies lose that
-    this row does not; None for these two, for controllers, and where nothing is lost for sure or rows are not done.
-    cut: episodes ended early.
+    cost: over that of the true vehicle's policies.  closed: share of the loss of the believed vehicle's policies that
+    this row avoids; None for these two, for controllers, and if no loss is certain or rows are missing.
+    cut: episodes that ended early.
     """
 
     row: str
@@ -58,7 +58,7 @@ def scores_of(results: Sequence[Mapping[str, Any]]) -> np.ndarray:
 
 
 def gap_of(found: Results, name: str) -> Estimate:
-    """What the believed vehicle's policies lose in return, beside those of the true one."""
+    """The loss of the believed vehicle's policies in return, against those of the true one."""
     scores = [scores_of(found[name][row]) for row in (TRUE, BELIEVED)]
     return compared(scores, lambda true, believed: true - believed, np.random.default_rng(0))
 
@@ -81,7 +81,7 @@ def lines_of(found: Results, name: str) -> list[Line]:
 
 
 def costs_over_all(found: Results) -> dict[str, Estimate]:
-    """By row, the interquartile mean over all scenarios of the cost over that of the true vehicle's policies."""
+    """The interquartile mean over all scenarios of the cost over that of the true vehicle's policies, by row."""
     names = [name for name in found if TRUE in found[name]]
     costs = {}
     for row in WORDS:
@@ -93,7 +93,7 @@ def costs_over_all(found: Results) -> dict[str, Estimate]:
 
 
 def sheets(found: Found) -> list[Sheet]:
-    """A table for each scenario, one over all, what the diagnosis of each log said, and in a file the numbers."""
+    """A table for each scenario, one over all, the diagnosis of each log, and in a file the numbers."""
     results = by_scenario(found)
     shown, numbers = [], []
     heads = tuple(f"{head}>" if i else head for i, head in enumerate(_HEADS))
