@@ -1,1 +1,1 @@
-"""The search for what a model lacks: candidates, trials, the gate before every name."""
+"""The search for missing effects: candidates, trials, and the gate before every name."""

@@ -1,4 +1,4 @@
-"""Which effect, added to the vehicle, makes its free runs agree with data that took no part in the fit."""
+"""Forward selection of the effects that make a vehicle's predictions agree with held-out data."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from identification.diagnosis.search.ties import Likeness, cheaper_rival, imitat
 from identification.diagnosis.search.trials import Progress, Trial, gate, judged, sure, trials_of
 from identification.diagnosis.search.workbench import State, Workbench
 
-LEADERS = 3  # that a round may have one after the other
+LEADERS = 3  # most changes of the leading trial in a round
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,9 +26,8 @@ class Round:
     """One step of the forward selection: all trials, the chosen one, and those that the record cannot tell from it.
 
     angles: between the signatures of the chosen one and of others, degrees, by candidate.  evidence: for the chosen one
-    in the final model against that model without it, and foretold by parts (`confirmed`).  before: without any trial.
-    instead: coefficients that would have to be far from what was stated of them, where little else speaks for the
-    chosen one.
+    in the final model against that model without it, and on held-out parts (`confirmed`).  before: without any trial.
+    instead: coefficients that would otherwise be far from their stated values, if little else supports the chosen one.
     """
 
     trials: tuple[Trial, ...]
@@ -49,13 +48,13 @@ def attribute(
     progress: Progress,
     sought: Collection[str],
 ) -> tuple[State, list[Round]]:
-    """Forward selection of up to `most` effects; the fitted state that it ends in, and its rounds.
+    """Forward selection of up to `most` effects; returns the final fitted state and its rounds.
 
-    sensors: what kinematics says of them; where runs do not tell a sensor from a force, that decides.  What kinematics
-    shows plainly comes before any force.  sought: paths that are fitted to the end whatever they promise.
+    sensors: kinematic findings about them, which decide if runs cannot tell a sensor from a force.  Plain kinematic
+    findings come before any force.  sought: paths that are fitted to the end whatever they promise.
 
-    Each round screens every candidate by regression, fits the promising ones jointly with all that was fitted before,
-    and accepts the one with most evidence if parts foretell it of each other.
+    Each round screens every candidate by regression, fits the promising ones jointly with everything fitted before, and
+    accepts the one with most evidence if parts of the record predict it of each other.
     """
     state, rounds, left, count = start, [], list(candidates), len(candidates)
     for number in range(most + 1 if left else 0):
@@ -76,10 +75,10 @@ def attribute(
         if made.chosen is None:
             break
         assert made.chosen.state is not None
-        # however far behind the given coefficients are at first: one fit a round, where trials could not afford it
+        # one fit a round from the given coefficients, however far behind they are at first; trials could not afford it
         state = bench.likelier_from_given(made.chosen.state, np.inf)
         left = [c for c in left if c is not made.chosen.candidate]
-        if bench.in_suited_steps(state) is not bench:  # all that follows would be repeated
+        if bench.in_suited_steps(state) is not bench:  # everything after it would be repeated
             break
     return state, rounds
 
@@ -94,7 +93,7 @@ def selected(
     more: bool = True,
     sought: Collection[str] = (),
 ) -> Round:
-    """One round beside what was fitted before; nothing is chosen where no trial is accepted or no `more` are wanted.
+    """One round beside everything fitted before; nothing is chosen if no trial is accepted or no `more` are wanted.
 
     count: of all candidates, for the bar.  sought: as in `attribute`.
     """
@@ -111,7 +110,7 @@ def selected(
         best, trials = _first_sure(bench, state, trials, [t for t in accepted if t not in known], count)
     if best is None:
         return Round(tuple(trials), None, (), {}, before=state)
-    for _ in range(LEADERS):  # an effect like the chosen one may do better once it starts from there
+    for _ in range(LEADERS):  # an effect like the chosen one may do better when started from its solution
         chosen = best
         others = [t for t in trials if t.candidate is not chosen.candidate]
         alike = likenesses(bench, chosen, others)
@@ -139,7 +138,7 @@ def selected(
 def _first_sure(
     bench: Workbench, state: State, trials: Sequence[Trial], accepted: Sequence[Trial], count: int
 ) -> tuple[Trial | None, list[Trial]]:
-    """The trial of least cost, of some that were accepted, that is `sure`, and all trials with what that says."""
+    """The trial of least cost, among the accepted ones, that is `sure`, and all trials with the result of that test."""
     trials, left = list(trials), list(accepted)
     while left:
         best = least_cost_trial(bench, left)
@@ -153,13 +152,13 @@ def _first_sure(
 def _if_tied(
     bench: Workbench, state: State, chosen: Trial, other: Trial, alike: Sequence[Likeness], count: int
 ) -> Trial:
-    """A trial, with all that the gate asks if it is tied with the chosen one and does not act just as that does."""
+    """A trial, after the complete gate if it is tied with the chosen one and does not have the same signature."""
     same = any(1.0 - way.cosine**2 < SAME for way in alike)
     return other if same or not tied(bench, chosen, other, alike) else sure(bench, state, other, count)
 
 
 def _by_kinematics(chosen: Trial, group: list[Trial], sensors: Sequence[Mismatch]) -> tuple[Trial, list[Trial]]:
-    """The chosen one of a tie and the rest of it, once kinematics has spoken."""
+    """The chosen one of a tie and the rest of it, after the kinematic findings are applied."""
     for mismatch in sensors:
         possible = {mismatch.path, *mismatch.tied}
         kept = [t for t in (chosen, *group) if not possible.isdisjoint(t.candidate.paths)]
@@ -169,7 +168,7 @@ def _by_kinematics(chosen: Trial, group: list[Trial], sensors: Sequence[Mismatch
 
 
 def _angles(alike: dict[Candidate, list[Likeness]]) -> dict[Candidate, float]:
-    """Degrees between signatures, with what else was fitted refitted where that leaves anything."""
+    """Degrees between signatures, with the other parameters refitted if that leaves anything of them."""
     return {c: float(np.rad2deg(np.arccos(w[-1].cosine))) for c, w in alike.items() if w}
 
 
@@ -181,10 +180,10 @@ def _beside(
     count: int,
     trial: Trial,
 ) -> Trial:
-    """A trial that is behind the chosen one, fitted again from the chosen solution if it acts alike; else as it is.
+    """A trial behind the chosen one, refitted from the chosen solution if the two act alike; else unchanged.
 
-    Two effects with one signature explain a record equally well, and a fit of one of them that stopped early, or a
-    screening that saw no trace of it where the other was missing, must not hide that.
+    Two effects with one signature explain a record equally well.  A fit of one that stopped early, or a screening that
+    saw no trace of it with the other missing, must not hide that.
     """
     own_alike = alike[trial.candidate]
     ways = [way for way in own_alike if way.cosine >= ALIKE]
@@ -207,8 +206,9 @@ def confirmed(
 ) -> tuple[State, list[Round]]:
     """The state and the rounds with only those effects that pass the gate against the model without them.
 
-    A later effect, a swap or the other one of a pair may have made an effect idle, and what was accepted beside one set
-    of effects must hold beside the final one.  That with least evidence goes first, since the others may need it gone.
+    A later effect, a swap or the other effect of a pair may have made an effect idle, and what was accepted beside one
+    set of effects must hold beside the final one.  The one with least evidence is removed first, since the others may
+    pass without it.
     nominal: without any effect.
     """
     kept = list(rounds)
@@ -225,7 +225,7 @@ def confirmed(
 
 
 def _in_place(bench: Workbench, nominal: State, state: State, made: Round, count: int) -> tuple[Weighed, State]:
-    """What the gate says of a round's effect beside all the others, and the state without it."""
+    """The result of the gate for a round's effect beside all the others, and the state without it."""
     if made.chosen is None:
         return Weighed(0.0, 0.0, ""), state
     own = [p for p in made.chosen.candidate.free if p in state.paths]
@@ -237,7 +237,7 @@ def _in_place(bench: Workbench, nominal: State, state: State, made: Round, count
 
 
 def _instead(bench: Workbench, without: State, state: State, passed: Weighed) -> tuple[str, ...]:
-    """The coefficients that take an effect's place in a state without it, unless the record tells that they do not."""
+    """The coefficients that replace an effect in a state without it, unless the record shows that they do not."""
     if passed.known <= 0.0 or passed.train - passed.known >= TIE:
         return ()
     paths = [p for p in without.paths if p in state.paths]
@@ -248,13 +248,13 @@ def _instead(bench: Workbench, without: State, state: State, passed: Weighed) ->
 def settled(
     bench: Workbench, nominal: State, state: State, rounds: Sequence[Round], count: int
 ) -> tuple[State, list[Round]]:
-    """What a search has chosen, without idle components of pairs, and confirmed."""
+    """The result of a search, without idle components of pairs, and confirmed."""
     state = without_idle_parts(bench, state, [r.chosen.candidate.paths for r in rounds if r.chosen is not None])
     return confirmed(bench, nominal, state, rounds, count)
 
 
 def without_idle_parts(bench: Workbench, state: State, groups: Sequence[tuple[str, ...]]) -> State:
-    """The state with components of a pair dropped whose size is within two standard errors of neutral."""
+    """The state without those components of pairs whose size is within two standard errors of neutral."""
     pairs = [paths for paths in groups if len(paths) > 1]
     sizes = bench.intervals(state) if pairs else {}
     idle = [
