@@ -42,15 +42,15 @@ def filtered(
 
     vectors: (E + 1, n_parameters), each acting up to one of the rows `until`, (E,).  begin to shares, starts: see
     `auv_gym.plant.rollout.rollout`; starts (W, F), F = STATES + SENSORS + D.  roots: (W, n, n), transposed, of the
-    initial covariances of the live states (n,).
-    measured: (rows, C), finite, counts: see `identification.fit.kalman.System`; columns: (C,), among the outputs.
+    initial covariances of the live states (n,).  measured: (rows, C), finite, counts: see
+    `identification.fit.kalman.System`; columns: (C,), among the outputs.
     moved: the live states, (n,), with a stride of several samples followed by the first acceleration of each way to
     push, (n + K,); probes: their changes.  ways: (D,), the way of each, or -1.  pushed: (D,), the pushed live states,
     see `kicks`.
     decays: (rows, D).  variances: (C,); deviations, correlation: (D,), of the accelerations, s.
-    path: (rows, F), where the slopes are taken: the filtered states, or with a stride of several samples the states
-    before a row's readings, which are complete only when it ends.  a: (rows, n, n) and c: (rows, C, n), slopes of the
-    next row's live states and of the row's outputs; y: (rows, C) and after: (rows, F), from the path itself.
+    path: (rows, F), where the slopes are taken: the filtered states, or with a stride of several samples those before a
+    row's readings.  a: (rows, n, n) and c: (rows, C, n), slopes of the next row's live states and of the row's outputs;
+    y: (rows, C) and after: (rows, F), from the path itself.
     """
     n, size, count, pushes = times.shape[0], a.shape[1], columns.shape[0], kicks.shape[0]
     live, many = moved[:size], moved.shape[0] + 1

@@ -67,8 +67,7 @@ def dependence(bench: Workbench, state: State) -> Dependence | None:
     nothing.  If no law is significant, the likeliest ones are weighed with noises of their own, see `beside_noise.py`.
     A controller that steers against pushes, by more than was logged, makes commands follow them: a law of a command
     counts only if it explains more than the same law of later commands, see `_answers`.
-    A sea pushes all velocities in one rhythm, so what the waves of the others predict of a push is no law, and laws of
-    such a push are not weighed.
+    A sea pushes all velocities in one rhythm: what the waves of the others predict of a push is no law.
     For a vehicle with many states, only pushed velocities and quarters are tested.  `LEFT` is the probability of a
     false alarm; see `_shared`.
     """
