@@ -46,8 +46,7 @@ def filtered(
     `identification.fit.kalman.System`; columns: (C,), among the outputs.
     moved: the live states, (n,), with a stride of several samples followed by the first acceleration of each way to
     push, (n + K,); probes: their changes.  ways: (D,), the way of each, or -1.  pushed: (D,), the pushed live states,
-    see `kicks`.
-    decays: (rows, D).  variances: (C,); deviations, correlation: (D,), of the accelerations, s.
+    see `kicks`.  decays: (rows, D).  variances: (C,); deviations, correlation: (D,), of the accelerations, s.
     path: (rows, F), where the slopes are taken: the filtered states, or with a stride of several samples those before a
     row's readings.  a: (rows, n, n) and c: (rows, C, n), slopes of the next row's live states and of the row's outputs;
     y: (rows, C) and after: (rows, F), from the path itself.
