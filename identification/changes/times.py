@@ -54,7 +54,8 @@ def moved_to_best(bench: Workbench, state: State, form: str, number: int) -> tup
             course = replace(plant.courses[form], edges=(*edges[:number], row, *edges[number + 1 :]))
             other.plant = replace(plant, courses={**plant.courses, form: course})
             near = tried[best][2] if tried else state.point
-            point = other.descended(other.with_gains(near, near.vector), state.paths, exact=True)
+            here = other.prepared(other.with_gains(near, near.vector), state.paths, anew=True)
+            point = other.descended(here, state.paths)
             tried[row] = other.objective(point, state.paths), other, point
         return tried[row][0]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum
 from functools import cached_property
 
 import numpy as np
@@ -27,17 +26,6 @@ _NOISE_STEP = 0.2  # of the logarithm of a noise, over which its slopes are take
 _LEAST_TOLD = 0.25  # curvature by the logarithm of a noise: a factor of e^2 to either side is the least that is known
 _LEAST_FREEDOM = 2.0  # of Student's t, which has no variance below
 _MOST_GROWTH = 1.0  # of the logarithm of a variance, as far as the first order holds
-
-
-class Slopes(Enum):
-    """How slopes of the errors are taken: the vehicle run to both sides of each path, or to one, or by its responses.
-
-    A run to one side takes half of the time, and a fit has often made it before.
-    """
-
-    CENTRAL = "central"
-    ONE_SIDED = "one-sided"
-    RESPONSES = "responses"
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,23 +71,23 @@ def information_of(problem: PredictionErrors, point: Point, paths: Sequence[str]
 
 
 def _told(
-    problem: PredictionErrors, point: Point, paths: Sequence[str], slopes: Slopes = Slopes.CENTRAL
+    problem: PredictionErrors, point: Point, paths: Sequence[str], soon: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """Slopes of the paths that starts cannot imitate, (P, rows * C), and sizes of all that the paths do, (P,).
 
     Without what the starts leave of a change that they can all but imitate: what is left there is the rounding of
-    slopes, and would look like a change by parameters that are told.
+    slopes, and would look like a change by parameters that are told.  soon: by responses where there are any, and to
+    one side of the other paths.
     """
-    if slopes is Slopes.CENTRAL:
-        found, flat = problem.own_slopes(point, paths)
+    if soon:
+        slopes = problem.soon_slopes(point, paths)
+        flat = problem.without_starts(point, slopes, soon=True)
     else:
-        one_sided = slopes is Slopes.ONE_SIDED
-        found = problem.counted_slopes(point, paths) if one_sided else problem.soon_slopes(point, paths)
-        flat = problem.without_starts(point, found, soon=True)
-    size = np.maximum(np.linalg.norm(found, axis=1), NOTHING)
+        slopes, flat = problem.own_slopes(point, paths)
+    size = np.maximum(np.linalg.norm(slopes, axis=1), NOTHING)
     flat = flat / size[:, None]
     values, vectors = np.linalg.eigh(flat @ flat.T)
-    kept = vectors[:, values > (_LEFT if slopes is Slopes.CENTRAL else _LEFT_SOON)]
+    kept = vectors[:, values > (_LEFT_SOON if soon else _LEFT)]
     return size[:, None] * (kept @ (kept.T @ flat)), size
 
 
@@ -205,7 +193,7 @@ class FirstOrder:
 def first_order(problem: PredictionErrors, point: Point, paths: Sequence[str], known: np.ndarray) -> FirstOrder:
     """See `FirstOrder`; by responses where there are any.  known: (P, P), information that the record does not tell."""
     pulled, rates = problem.pulls(point.vector, paths)
-    flat, scale = _told(problem, point, paths, Slopes.RESPONSES)
+    flat, scale = _told(problem, point, paths, soon=True)
     normal = flat @ flat.T + known
     inverse = _inverse(normal, scale)
     pull = flat @ problem.counted_errors(point).ravel() - rates * pulled
@@ -264,10 +252,13 @@ def told_by_part(
     point: Point,
     paths: Sequence[str],
     parts: Sequence[Sequence[slice]],
-    slopes: Slopes = Slopes.CENTRAL,
+    soon: bool = False,
 ) -> ByPart:
-    """What each part of the rows that count tells of the paths, what stretches' starts can imitate taken out."""
-    flat, _ = _told(problem, point, paths, slopes)
+    """What each part of the rows that count tells of the paths, what stretches' starts can imitate taken out.
+
+    soon: by responses where there are any.
+    """
+    flat, _ = _told(problem, point, paths, soon)
     columns, errors = flat.reshape(len(paths), *point.errors.shape), problem.counted_errors(point)
     pulled, rates = problem.pulls(point.vector, paths)
     normals, pulls, scores = [], [], []

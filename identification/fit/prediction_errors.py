@@ -25,6 +25,7 @@ from identification.fit.sensitivities import LEAST_GAIN
 _QUIETER = 30.0  # times weaker accelerations, with which a fit is tried too
 _HALVINGS, _SHORTER = 6, 0.4  # of a step that is not confirmed, and by how much
 _DOUBLINGS = 5
+_FAR_TURN = 1.0  # of the log-likelihood, that a turn brings after which responses are taken anew before a fit ends
 _SLOW = 0.3  # of what the turn before has brought: Gauss and Newton's steps bring far less each time
 _FIRST_NOISE_STEPS, NOISE_STEPS = 40, 6  # to better noises, at first and after each turn of a fit
 
@@ -55,29 +56,28 @@ class PredictionErrors(Noises):
         if noise:
             here, known = self._renewed(here, paths, _FIRST_NOISE_STEPS if near is None else NOISE_STEPS)
         here = self.prepared(here, paths)
-        answered = here.system is not None and here.system.responses is not None and bool(paths)
-        exact = False
-        last = np.inf
+        own, last = False, np.inf  # own: whether responses are those of this point, or one near by
         for _ in range(iterations):
             before = self.objective(here, paths)
-            there = self.descended(here, paths, exact=exact)
+            there = self.descended(here, paths)
             fresh = self._confirmed(here, there, paths, before - gain)
             if self.objective(fresh, paths) - before > _SLOW * last:
                 fresh = self._further(here, fresh, paths, gain)
             # noises suit the parameters already where these stay as they are
-            if noise and not (exact and self.objective(fresh, paths) <= before + gain):
+            if noise and not (own and self.objective(fresh, paths) <= before + gain):
                 fresh, known = self._renewed(fresh, paths, NOISE_STEPS, known)
             gained = last = self.objective(fresh, paths) - before
             here = fresh if gained > 0.0 else here
+            own = own and gained < _FAR_TURN
             if gained > gain:
                 continue
-            if answered and not exact:
-                exact = True  # no fit ends by slopes that were taken farther away
+            if self.is_answered(here) and not own:  # no fit ends by slopes that were taken farther away
+                here, own = self.prepared(here, paths, anew=True), True
                 continue
             there = self._weaker(here, paths) if noise else here
             if not self.objective(there, paths) > self.objective(here, paths) + gain:
                 break
-            here, known, exact = there, None, False
+            here, known, own = there, None, False
         else:
             return self._stilled(here, paths) if noise else here
         return here

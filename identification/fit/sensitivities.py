@@ -183,16 +183,21 @@ class Sensitivities(Followed):
                 owners.append((np.flatnonzero(group == g), int(i)))
         return np.array(found).reshape(len(owners), self.measured.size), owners
 
-    def prepared(self, point: Point, paths: Sequence[str]) -> Point:
+    @staticmethod
+    def is_answered(point: Point) -> bool:
+        """Whether responses to coefficients are held with a point."""
+        return point.system is not None and point.system.responses is not None
+
+    def prepared(self, point: Point, paths: Sequence[str], anew: bool = False) -> Point:
         """The point with responses to those coefficients among paths, if they are many: `descended` is then quick.
 
-        Those of a point farther away will do.
+        Those of a point farther away will do, unless they are taken anew.
         """
         many = [p for p in paths if p in self.plant.doubted]
         if len(many) < _MANY or point.system is None or self.carried.any():
             return point
         known = point.system.responses
-        if known is not None and known.paths == tuple(many):
+        if known is not None and known.paths == tuple(many) and not anew:
             return point
         responses = self._responses(point.vector, point.path, many)
         return replace(point, system=replace(point.system, responses=responses))
@@ -258,11 +263,8 @@ class Sensitivities(Followed):
             here = max(tried, key=lambda point: self.objective(point, paths))
         return here
 
-    def descended(self, here: Point, paths: Sequence[str], iterations: int = _DESCENTS, exact: bool = False) -> Point:
-        """The point of least squared errors over paths and starts, the filter's gains held; Levenberg and Marquardt.
-
-        exact: whether slopes are those of the vehicle itself, also where responses are known.
-        """
+    def descended(self, here: Point, paths: Sequence[str], iterations: int = _DESCENTS) -> Point:
+        """The point of least squared errors over paths and starts, the filter's gains held; Levenberg and Marquardt."""
         if here.system is None:
             return here
         here, paths = self._jumped(here, paths), [p for p in paths if not jumps(p)]
@@ -274,8 +276,7 @@ class Sensitivities(Followed):
                 owned = np.array([not self._held_first[stretches].all() for stretches, _ in owners], dtype=bool)
                 moving = np.flatnonzero(told & owned)
                 starts, owners, taken = starts[moving], [owners[k] for k in moving], here.vector
-                slopes = self.counted_slopes(here, paths) if exact else self.soon_slopes(here, paths)
-                every = np.vstack([slopes, starts])
+                every = np.vstack([self.soon_slopes(here, paths), starts])
             if not len(every):
                 break
             whole, right = every @ every.T, every @ self.counted_errors(here).ravel()

@@ -11,7 +11,6 @@ from auv_gym.param import spec_at, value_at
 from auv_gym.plant import Plant
 from identification.deciding import EFFECT_LEAST, EFFECT_SHARE, SURE, SURPRISE, TERM_LEAST, TERM_SHARE
 from identification.diagnosis.search.workbench import State, Workbench
-from identification.fit.intervals import Slopes
 
 EDGE = 1e-6  # of the span between a parameter's bounds
 
@@ -106,13 +105,13 @@ def weighed(
     sizes: Sequence[Size],
     reach: Callable[[], Sequence[float]],
     bar: float,
-    slopes: Slopes = Slopes.CENTRAL,
+    soon: bool = False,
 ) -> Weighed:
-    """What the gate says of sizes that one state has and the other has not; slopes: by which parts are foretold."""
+    """What the gate says of sizes that one state has and the other has not; soon: see `Workbench.by_part`."""
     if not after.finite:
         return Weighed(0.0, 0.0, DIVERGES)
     train, known = bench.gain(before, after), bench.known_gain(before, after)
-    held = bench.gain_foretold(before, after, slopes) if train >= bar else 0.0
+    held = bench.gain_foretold(before, after, soon) if train >= bar else 0.0
     claim = Claim(train, held, bar, sizes, reach, lambda: bench.flies(after.plant), known)
     return Weighed(train, held, objection(claim), known)
 

@@ -18,7 +18,6 @@ from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.trials import Trial
 from identification.diagnosis.search.workbench import State, Workbench
-from identification.fit.intervals import Slopes
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,9 +71,8 @@ def preferred(bench: Workbench, made: Round, before: State, count: int, counted:
     tried = [t for t in made.trials if t.state is not None and t.objection not in (DIVERGES, LIMITED)]
     if not tried:
         return None
-    slopes = Slopes.ONE_SIDED  # of all alike: they are compared with each other
-    share, start = float(np.mean(counted)), bench.by_part(before, slopes).refitted(counted)[1]
-    gains = [2.0 * (bench.by_part(_state(t), slopes).refitted(counted)[1] - start) - t.price for t in tried]
+    share, start = float(np.mean(counted)), bench.by_part(before, soon=True).refitted(counted)[1]
+    gains = [2.0 * (bench.by_part(_state(t), soon=True).refitted(counted)[1] - start) - t.price for t in tried]
     best = int(np.argmax(gains))
     if gains[best] < SEEN_BY_HALF * share * threshold(count, len(tried[best].candidate.free)):
         return None

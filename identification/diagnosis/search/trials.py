@@ -28,7 +28,6 @@ from identification.diagnosis.search.acceptance import Weighed, effect_size, wei
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, Regression, Screening, part_of
 from identification.diagnosis.search.workbench import State, Workbench, tried
-from identification.fit.intervals import Slopes
 from identification.fit.parameters import kinked
 
 FIRST_ITERATIONS = 2  # of the short list
@@ -316,7 +315,7 @@ def judged(
 ) -> Trial:
     """The trial of a candidate fitted from a state near by; what is accepted may fail to be `sure`."""
     reached = bench.likelier_from_given(tried(bench.problem, near), HOPELESS)
-    found = gate(bench, state, reached, [(candidate, screening)], count, Slopes.ONE_SIDED)
+    found = gate(bench, state, reached, [(candidate, screening)], count, soon=True)
     return Trial(candidate, reached, found.train, found.held, screening, found.objection)
 
 
@@ -334,25 +333,25 @@ def gate(
     after: State,
     added: Sequence[tuple[Candidate, Screening]],
     count: int,
-    slopes: Slopes = Slopes.CENTRAL,
+    soon: bool = False,
 ) -> Weighed:
     """What speaks for candidates, as one change, and the objection to them; what is no longer free has gone already.
 
-    count: of all candidates, for the bar; periods that were tried count, too.  slopes: others than central ones are
-    for a first judgement, by which intervals are those of white errors.
+    count: of all candidates, for the bar; periods that were tried count, too.  soon: for a first judgement, by
+    which parts are told by responses and intervals are those of white errors.
     """
     free = [p for candidate, _ in added for p in candidate.free if p in after.paths]
     paths = [p for candidate, _ in added for p in candidate.paths if p in after.paths]
     tried = sum(screening.tried - 1 for _, screening in added)
 
     def reach() -> list[float]:
-        if slopes is not Slopes.CENTRAL:
+        if soon:
             return bench.half_widths_if_white(after, paths)
         intervals = bench.intervals(after)
         return [intervals[path][2] for path in paths]
 
     sizes = [effect_size(after.plant, path, bench.problem.bounds(path)) for path in paths]
-    return weighed(bench, before, after, sizes, reach, threshold(count + tried, len(free)), slopes)
+    return weighed(bench, before, after, sizes, reach, threshold(count + tried, len(free)), soon)
 
 
 def _first_values(plant: Plant, screening: Screening) -> list[tuple[float, ...]]:

@@ -20,7 +20,7 @@ from identification.diagnosis.log.parts import block_numbers
 from identification.diagnosis.search.candidates import candidates_of
 from identification.estimate import half_width
 from identification.fit.followed import Point
-from identification.fit.intervals import ByPart, Information, Slopes, information_of, interval_of, told_by_part
+from identification.fit.intervals import ByPart, Information, information_of, interval_of, told_by_part
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.sensitivities import LEAST_GAIN
 from identification.fit.steps import brisk, in_steps, suited
@@ -277,29 +277,29 @@ class Workbench:
         p = self.problem
         return 2.0 * (p.objective(after.point, after.paths) - p.objective(before.point, before.paths))
 
-    def gain_foretold(self, before: State, after: State, slopes: Slopes = Slopes.CENTRAL) -> float:
+    def gain_foretold(self, before: State, after: State, soon: bool = False) -> float:
         """Twice the gain in log-likelihood of each part foretold by the others, summed; each with its own noises."""
-        return 2.0 * float((self.by_part(after, slopes).foretold - self.by_part(before, slopes).foretold).sum())
+        return 2.0 * float((self.by_part(after, soon).foretold - self.by_part(before, soon).foretold).sum())
 
     def known_gain(self, before: State, after: State) -> float:
         """How much of `gain` is due to coefficients that are nearer to what was stated of them."""
         squares = [float((self.problem.pulls(s.point.vector, s.paths)[0] ** 2).sum()) for s in (before, after)]
         return squares[0] - squares[1]
 
-    def by_part(self, state: State, slopes: Slopes = Slopes.CENTRAL) -> ByPart:
-        """What each part tells of what a state has fitted."""
+    def by_part(self, state: State, soon: bool = False) -> ByPart:
+        """What each part tells of what a state has fitted; soon: by responses where there are any."""
 
         def told() -> ByPart:
-            return told_by_part(self._scaled(state), state.point, state.paths, self.parts, slopes)
+            return told_by_part(self._scaled(state), state.point, state.paths, self.parts, soon)
 
-        return self.once(state, slopes, told)
+        return self.once(state, ("by part", soon), told)
 
     def half_widths_if_white(self, state: State, paths: Sequence[str]) -> list[float]:
         """Half widths of the 95 % intervals of some of a state's paths if errors were white and their noise was known.
 
         Those of `intervals` are as wide or wider, and take far longer.
         """
-        told, own = self.by_part(state, Slopes.ONE_SIDED), self._scaled(state)
+        told, own = self.by_part(state, soon=True), self._scaled(state)
         normal = told.known + told.normals.sum(axis=0)
         size = np.sqrt(np.maximum(np.diag(normal), 1e-30))
         variances = np.diag(np.linalg.pinv(normal / np.outer(size, size), rcond=1e-10, hermitian=True)) / size**2

@@ -15,7 +15,6 @@ from identification.diagnosis.search.candidates import Candidate, Screening
 from identification.diagnosis.search.trials import Trial
 from identification.diagnosis.search.workbench import State
 from identification.fit.followed import Point
-from identification.fit.intervals import Slopes
 
 PLANT = load_vehicle("slocum")
 
@@ -81,7 +80,7 @@ class Table:
         a, b = self._likely(before), self._likely(after)
         return b[0] - a[0], b[1] - a[1]
 
-    def gain_foretold(self, before: State, after: State, slopes: Slopes = Slopes.CENTRAL) -> float:
+    def gain_foretold(self, before: State, after: State, soon: bool = False) -> float:
         return self.gains(before, after)[1]
 
     def half_widths_if_white(self, state: State, paths: Sequence[str]) -> list[float]:

@@ -27,7 +27,6 @@ from identification.diagnosis.search.explanations import (
 from identification.diagnosis.search.survival import Survival
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.missions import run_mission
-from identification.fit.intervals import Slopes
 from tests.identification.diagnosis.stand_ins import state_of, trial_of, with_probes
 from tests.identification.gliders import QUICK
 
@@ -70,7 +69,7 @@ class Sets:
     def costs(self, state):
         return -self._of(state)
 
-    def by_part(self, state, slopes=Slopes.CENTRAL):
+    def by_part(self, state, soon=False):
         return Told(self._of(state))
 
     def fit_from(self, starts, paths, rival, hopeless):

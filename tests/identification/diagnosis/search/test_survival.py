@@ -13,7 +13,6 @@ from identification.diagnosis.search.candidates import Candidate, candidates_of
 from identification.diagnosis.search.survival import Survival, chosen_without, survival
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.missions import run_mission
-from identification.fit.intervals import Slopes
 from tests.identification.diagnosis.stand_ins import state_of, trial_of
 from tests.identification.gliders import QUICK
 
@@ -43,7 +42,7 @@ class Parts:
         self.told |= {t.state: Told(e) for t, e in zip(trials, (first, second), strict=True)}
         self.made = Round(tuple(trials), trials[0], tuple(trials[1:]) if tied else (), {}, before=self.before)
 
-    def by_part(self, state, slopes=Slopes.CENTRAL):
+    def by_part(self, state, soon=False):
         return self.told[state]
 
     @property
