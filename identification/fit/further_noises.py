@@ -8,7 +8,7 @@ imitate them, and differences between parts of a record, look more certain than 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -19,6 +19,7 @@ from identification.deciding import COST, LEAST_OF_SWELL, MOST_SWELLS
 from identification.fit.coloured import coloured_channels
 from identification.fit.followed import Point
 from identification.fit.prediction_errors import PredictionErrors
+from identification.fit.sensitivities import TRIAL_GAIN
 from identification.fit.swell import period_of_swell
 
 Added = tuple[Sequence[int], Sequence[int], float]  # arguments of `Stretches.with_noises`
@@ -56,7 +57,10 @@ def further_noises(
         found.append(likeliest)
         problem, point = likeliest.problem, likeliest.point
         plant = problem.plant_at(point, paths) if paths else plant
-    return [] if waves_alone and found and period_of_swell(problem, point) else found
+    if not found or (waves_alone and period_of_swell(problem, point)):
+        return []
+    found[-1] = replace(found[-1], point=problem.solve(plant, paths, point))  # what was compared stopped early
+    return found
 
 
 def begun_beside(problem: PredictionErrors, point: Point, paths: Sequence[str]) -> Point:
@@ -121,7 +125,7 @@ def _pruned(
     near = Noisier(added, other, begun_beside(other, point, paths))
     if not _gain(problem, point, near, paths) > 0.0:  # all else held
         return None
-    there = Noisier(added, other, other.solve(plant, paths, near.point))
+    there = Noisier(added, other, other.solve(plant, paths, near.point, gain=TRIAL_GAIN))
     pushing, misread = _told(there)
     velocities, readings, period = added
     if not (pushing or misread) or (velocities and len(pushing) < _least(problem)):

@@ -28,6 +28,7 @@ _NEAR_JUMPS = (*(1.0 - b for b in _BESIDE), *(1.0 + b for b in _BESIDE))  # of a
 _MANY = 8  # coefficients of a fit, from which on it saves time to hold how the vehicle answers them
 NOTHING = 1e-4  # deviations of all readings together: a path that moves them by less over a scale does nothing
 LEAST_GAIN = 0.005  # of the log-likelihood, that a turn must bring for a fit to go on
+TRIAL_GAIN = 0.1  # the same, of a fit that is compared with others: a tie is 4.5 wide
 
 
 class Sensitivities(Followed):

@@ -16,11 +16,12 @@ from identification.deciding import BLOCKS, MOST_PARTS, SLIGHTLY, UNSTEADY
 from identification.diagnosis.log.parts import logs_in
 from identification.diagnosis.search.beside_noise import Weight, freedom_of
 from identification.diagnosis.search.candidates import Candidate, Screening, screen
-from identification.diagnosis.search.workbench import ITERATIONS, TRIAL_GAIN, State, Workbench
+from identification.diagnosis.search.workbench import ITERATIONS, State, Workbench
 from identification.fit.changing import ChangingPlant, Course, change, changed
 from identification.fit.followed import Point
 from identification.fit.parameters import moves_of
 from identification.fit.prediction_errors import PredictionErrors
+from identification.fit.sensitivities import TRIAL_GAIN
 
 _SHARES = (1.0, 0.2)  # of the step by a regression, as starts of a fit: far from the log, the full step is too long
 

@@ -30,8 +30,9 @@ from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.survival import Survival, halves_of
 from identification.diagnosis.search.ties import imitations, likenesses
 from identification.diagnosis.search.trials import Trial
-from identification.diagnosis.search.workbench import TRIAL_GAIN, State, Workbench
+from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.changing import ChangingPlant, changed
+from identification.fit.sensitivities import TRIAL_GAIN
 
 _IDLE = 1e-6  # largest deviation from neutral of an idle effect, in probes
 STOPPED = 2.0 * TRIAL_GAIN  # difference in cost of trials that is due to early stops of their fits

@@ -14,8 +14,9 @@ from identification.diagnosis.log.checking import CheckedLog
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.further_noises import with_further_noises
 from identification.diagnosis.search.trials import Progress, Trial
-from identification.diagnosis.search.workbench import TRIAL_GAIN, State, Workbench
+from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.parameters import moves_of
+from identification.fit.sensitivities import TRIAL_GAIN
 
 Found = TypeVar("Found", bound=tuple[Any, ...])
 

@@ -22,7 +22,7 @@ from identification.estimate import half_width
 from identification.fit.followed import Point
 from identification.fit.intervals import ByPart, Information, information_of, interval_of, told_by_part
 from identification.fit.prediction_errors import PredictionErrors
-from identification.fit.sensitivities import LEAST_GAIN
+from identification.fit.sensitivities import LEAST_GAIN, TRIAL_GAIN
 from identification.fit.steps import brisk, in_steps, suited
 from identification.fit.strides import in_shortest_rows, in_suited_rows, stride_for
 from identification.fit.validation import free_runs
@@ -30,7 +30,6 @@ from identification.fit.validation import free_runs
 T = TypeVar("T")
 
 ITERATIONS = 12  # of a trial's fit
-TRIAL_GAIN = 0.1  # of the log-likelihood, that a turn of a trial's fit must bring: a tie is 4.5 wide
 
 
 @dataclass(frozen=True, eq=False)
