@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 
@@ -27,18 +26,6 @@ def _other_precision(near: Point, logs: np.ndarray) -> bool:
 
 class Filter(Sensitivities):
     """The filter of a plant over the stretches of a record, linearised about its own path."""
-
-    def _fixed(self, stretch: int) -> np.ndarray:
-        """Which live states carry over into a stretch from the one before."""
-        states = len(self._shared)
-        return np.array([bool(self.carried[stretch]) and i < states and bool(self._shared[i]) for i in self.live])
-
-    @cached_property
-    def _widest(self) -> np.ndarray:
-        """Square roots of the widest covariances of the starts, from the spread of the states over the record."""
-        return np.array(
-            [np.diag(np.where(self._fixed(w), 0.0, self.spread[self.live])) for w in range(len(self.stretches))]
-        )
 
     def _better_starts(
         self, system: System, made: Pass, logs: np.ndarray, starts: np.ndarray
@@ -94,9 +81,9 @@ class Filter(Sensitivities):
         near: a point whose starts are the first guess.
         """
         if near is None:
-            first = self._system(vector, self.first_path, self.starts, self._widest)
-            found, _ = self._filtered(vector, logs, first, self.starts, self._widest, anew=True, renewed=True)
-            starts, roots = (found.starts, found.roots) if found.system else (self.starts, _LOOSE * self._widest)
+            first = self._system(vector, self.first_path, self.starts, self.widest)
+            found, _ = self._filtered(vector, logs, first, self.starts, self.widest, anew=True, renewed=True)
+            starts, roots = (found.starts, found.roots) if found.system else (self.starts, _LOOSE * self.widest)
         else:
             starts, roots = near.starts, near.roots
         renewed = near is None or _other_precision(near, logs)
@@ -153,5 +140,5 @@ class Filter(Sensitivities):
         (rows, count), size = self.finite.shape, len(self._moving)
         none, unlikely = np.zeros((rows, count)), np.full(rows, -np.inf)
         gains, whiten = np.zeros((rows, size, count)), np.zeros((rows, count, count))
-        first = (self.first_path, gains, whiten, none, self.starts, self._widest)
+        first = (self.first_path, gains, whiten, none, self.starts, self.widest)
         return Point(vector, logs, none, unlikely, *first, None)

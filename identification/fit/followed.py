@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from weakref import ref
 
 import numpy as np
 
 from auv_gym.plant import Correction
 from identification.deciding import COST, LEAST_PROCESS
-from identification.fit.kalman import System
+from identification.fit.kalman import System, run_filter
 from identification.fit.linearised import Linearised
+
+_KNOWN_STARTS = 64  # points whose starts are known to tell so much
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +129,7 @@ class Followed(Linearised):
     def likelihood(self, point: Point, paths: Sequence[str]) -> float:
         """The log-likelihood of the counted rows plus the log-priors of the paths and of the correlation times."""
         known = 0.5 * float((self.pulls(point.vector, paths)[0] ** 2).sum())
-        return self.total(point) - known + self._prior(point.logs)[0]
+        return self.marginal(point) - known + self._prior(point.logs)[0]
 
     def objective(self, point: Point, paths: Sequence[str]) -> float:
         """The objective of a fit: `likelihood` minus the cost of the accelerations that are present."""
@@ -144,6 +147,10 @@ class Followed(Linearised):
         """Which accelerations of a swell are present at a point, (D,)."""
         return self._there(point.logs) & self.swells
 
+    def cost(self, point: Point) -> float:
+        """The log-likelihood that the accelerations of a point cost in `objective`."""
+        return self._cost(point.logs)
+
     def _cost(self, logs: np.ndarray) -> float:
         """The log-likelihood that accelerations must gain to be kept."""
         return COST * float(self._there(logs)[self._leading].sum())
@@ -154,27 +161,55 @@ class Followed(Linearised):
         return np.exp(logs[first : first + pushed][self.leads]) > least * np.array(self.unit)
 
     def _prior(self, logs: np.ndarray) -> tuple[float, np.ndarray]:
-        """Log-prior of correlation times, given a vehicle's time scales, corrected for fitted starts, and its slope.
-
-        Fitted starts meet the first readings of a stretch exactly.  Uncorrected, the likelihood would grow as the noise
-        of the readings shrinks, down to no noise in a record of many short stretches (Neyman and Scott 1948).
-        """
-        slope, channels, pushed = np.zeros(logs.size), len(self.channels), len(self.pushed)
-        slope[:channels] = self._taken_up
-        value = float(self._taken_up @ logs[:channels])
+        """Log-prior of correlation times, given a vehicle's time scales, and its slope by the noises, (C + 2 D,)."""
+        slope, pushed = np.zeros(logs.size), len(self.pushed)
         if not pushed:
-            return value, slope
+            return 0.0, slope
         deviation = self.slowness[1]
         far = np.where(self._leading, (logs[-pushed:] - self.usual_times) / deviation, 0.0)
         slope[-pushed:] = -far / deviation
-        return value - 0.5 * float(far @ far), slope
+        return -0.5 * float(far @ far), slope
 
     @cached_property
-    def _taken_up(self) -> np.ndarray:
-        """Number of readings of each channel, (C,), used up by starts of stretches: one a state, in the first row."""
-        first = self.finite[self.offsets[~self.carried]]
-        states = int((self.live < len(self.plant.family.states)).sum())
-        return (first * np.minimum(states / np.maximum(first.sum(axis=1, keepdims=True), 1), 1.0)).sum(axis=0)
+    def widest(self) -> np.ndarray:
+        """Roots of the covariances of starts of which only the spread of the states over the record is known."""
+        return np.array(
+            [np.diag(np.where(self._fixed(w), 0.0, self.spread[self.live])) for w in range(len(self.stretches))]
+        )
+
+    def _fixed(self, stretch: int) -> np.ndarray:
+        """Which live states do not begin anew in a stretch."""
+        states = len(self._shared)
+        return np.array([bool(self.carried[stretch]) and i < states and bool(self._shared[i]) for i in self.live])
+
+    def marginal(self, point: Point) -> float:
+        """The log-likelihood of the rows that are counted, whatever the starts of the stretches were.
+
+        `total` is that of the likeliest starts, which take up a part of what drifts do, and meet the first readings:
+        in a record of many short stretches there would seem to be hardly any noise (Neyman and Scott 1948).  The
+        difference is in the determinants of the innovations' covariances (Harville 1977, restricted likelihood).
+        """
+        return self.total(point) + self._by_starts(point)
+
+    def _by_starts(self, point: Point) -> float:
+        if point.system is None:
+            return 0.0
+        key = (id(point.system), point.logs.tobytes())
+        held = self._known_by_starts.get(key)
+        if held is not None and held[0]() is point.system:
+            return held[1]
+        numbers = self._numbers(point.logs)
+        wide, narrow = (run_filter(point.system, *numbers, start=start).spreads for start in (self.widest, None))
+        less = float(self.counted @ (narrow - wide))
+        found = less if np.isfinite(less) else 0.0
+        while len(self._known_by_starts) >= _KNOWN_STARTS:
+            self._known_by_starts.pop(next(iter(self._known_by_starts)), None)
+        self._known_by_starts[key] = ref(point.system), found
+        return found
+
+    @cached_property
+    def _known_by_starts(self) -> dict[tuple[int, bytes], tuple[ref[System], float]]:
+        return {}
 
     def counted_flat(self, columns: np.ndarray) -> np.ndarray:
         """Columns, (P, rows, C), flattened to (P, rows * C), zero in the rows that do not count."""

@@ -160,6 +160,7 @@ def _by_left_out(problem: PredictionErrors, point: Point, paths: Sequence[str], 
         if not np.isfinite(there.scores).all():
             return -np.inf, FirstOrder(np.ones(count), np.zeros(count), 0.0, 0.0)
         told = first_order(problem, there, paths, known)
+        # not the marginal one: in most logs that nothing pushes, intervals would then be several times too wide
         return problem.total(there) + told.gain - 0.5 * told.size, told
 
     first = best = None

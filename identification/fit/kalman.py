@@ -91,18 +91,30 @@ class Pass:
     roots: np.ndarray
     means: np.ndarray
 
+    @property
+    def spreads(self) -> np.ndarray:
+        """Half the logarithm of the determinant of each row's innovations' covariance, but for a constant, (rows,)."""
+        return -self.scores - 0.5 * (self.innovations**2).sum(axis=1)
 
-def run_filter(system: System, variances: np.ndarray, deviations: np.ndarray, times: np.ndarray) -> Pass:
+
+def run_filter(
+    system: System,
+    variances: np.ndarray,
+    deviations: np.ndarray,
+    times: np.ndarray,
+    start: np.ndarray | None = None,
+) -> Pass:
     """Run the filter with given variances of readings (C,), and accelerations' deviations and correlation times (D,).
 
     An acceleration without deviation is left out, which does not change the result; its gains are zero.
+    start: as that of the system, which is the default.
     """
     kept = deviations > 0.0
     s, own = latest(system, kept), own_states(system, kept)
     (rows, count, _), size = system.c.shape, int(own.sum())
     gains, roots, means = np.zeros((rows, size, count)), np.zeros((rows, size, size)), np.zeros((rows, size))
     whiten, innovations, scores = np.zeros((rows, count, count)), np.zeros((rows, count)), np.zeros(rows)
-    start = np.ascontiguousarray(s.start)
+    start = np.ascontiguousarray(s.start if start is None else start)
     numbers = (s.a, s.c, s.forcing, s.error, s.finite, s.counts, s.begin, s.constant, s.durations, start, s.origin)
     made = (gains, whiten, innovations, scores, roots, means)
     _forward(*numbers, variances, deviations[kept], times[kept], s.turning, *made)

@@ -95,16 +95,17 @@ class Noises(Filter):
 
     def _keeps_to(self, here: Point, system: System) -> bool:
         """Whether the filter of a vehicle is about as likely as the linearised filter, and so stays near its path."""
-        own = self.total(here) - self._cost(here.logs)
-        return own > self.likelihood_of_noises(system, here.logs) - FAR * len(self.rows)
+        linear = float(self.counted @ run_filter(system, *self._numbers(here.logs)).scores)
+        return self.total(here) > linear - FAR * len(self.rows)
 
     @cached_property
     def _first_system(self) -> System:
-        return self._system(self.plant.vector, self.first_path, self.starts, self._widest)
+        return self._system(self.plant.vector, self.first_path, self.starts, self.widest)
 
     def likelihood_of_noises(self, system: System, logs: np.ndarray) -> float:
         """The log-likelihood of noises in the linearised filter, minus the cost of the accelerations present."""
-        return float(self.counted @ run_filter(system, *self._numbers(logs)).scores) - self._cost(logs)
+        made = run_filter(system, *self._numbers(logs), start=self.widest)
+        return float(self.counted @ made.scores) - self._cost(logs)
 
     def _without(self, logs: np.ndarray, which: Sequence[int]) -> np.ndarray:
         """The noises with some accelerations set to a negligible strength."""
@@ -234,8 +235,8 @@ class Noises(Filter):
 
     @property
     def _guesses(self) -> np.ndarray:
-        """Logarithms of the first guesses of accelerations that are more than faint, (G, D)."""
-        return np.log(np.outer(_FIRST_GUESSES[_FIRST_GUESSES > _FAINT], self.unit))
+        """Logarithms of the first guesses of accelerations, (G, D)."""
+        return np.log(np.outer(_FIRST_GUESSES, self.unit))
 
     def noise_slopes(self, point: Point, logs: np.ndarray) -> tuple[float, np.ndarray]:
         """Log-likelihood of noises with their prior, linearised about a point's path, and its slopes, (C + 2 D,).
@@ -265,7 +266,7 @@ class Noises(Filter):
         """
         assert point.system is not None
         numbers, part = self._numbers(point.logs), np.arange(len(self.rows)) * parts // len(self.rows)
-        made = run_filter(point.system, *numbers)
+        made = run_filter(point.system, *numbers, start=self.widest)
         self.work.add(parts * FILTERED * len(self.rows))
         within = [self.counted * (part == k) for k in range(parts)]
         return self.joined(np.array([slopes_of(point.system, made, weights, *numbers).noises for weights in within]))
@@ -274,7 +275,7 @@ class Noises(Filter):
         """Log-likelihood of noises with their prior, and its pass; every: see `_numbers`."""
         assert point.system is not None
         self.work.add(2 * FILTERED * len(self.rows))  # the pass, and its slopes
-        made = run_filter(point.system, *self._numbers(logs, every))
+        made = run_filter(point.system, *self._numbers(logs, every), start=self.widest)
         value = float(self.counted @ made.scores) + self._prior(logs)[0]
         return value if np.isfinite(value) else -np.inf, made
 

@@ -10,27 +10,43 @@ from auv_gym.channels import channel
 from auv_gym.records.record import Record
 from identification.fit.validation import FreeRuns
 
+_USUAL_SPAN = 1.5  # times the median span of three readings, beyond which they are too far apart to tell noise
 
-def noise_floor(residual: np.ndarray, window: np.ndarray) -> float:
-    """Standard deviation of the white part of a residual, from its second differences within windows.
 
-    A smooth misfit drops out of second differences; white noise of variance s^2 gives them a variance of 6 s^2.  If no
-    window holds three values, as for a slow sensor, second differences across windows are used.
+def noise_floor(residual: np.ndarray, window: np.ndarray, time: np.ndarray | None = None) -> float:
+    """Standard deviation of the white part of a residual, from its distances to the chord of its neighbours.
+
+    A smooth misfit hardly leaves its chord; white noise of variance s^2 does by s^2 (1 + a^2 + b^2), a and b being the
+    neighbours' shares.  Neighbours farther apart than usual are left out.  If no window holds three values, as for a
+    slow sensor, chords across windows are used.  time: of the values, in any unit; evenly spaced by default.
     """
     e = np.asarray(residual)
+    t = np.arange(e.size, dtype=float) if time is None else np.asarray(time, dtype=float)
     same = (window[2:] == window[1:-1]) & (window[1:-1] == window[:-2])
-    second = e[2:] - 2.0 * e[1:-1] + e[:-2]
-    for some in (second[same], second):
-        known = some[np.isfinite(some)]
-        if known.size:
-            return max(float(np.sqrt(np.mean(known**2) / 6.0)), 1e-9)
+    span = t[2:] - t[:-2]
+    with np.errstate(divide="ignore", invalid="ignore"):  # windows may begin at one time
+        later = (t[1:-1] - t[:-2]) / span
+    even = np.where((later > 0.0) & (later < 1.0), later, 0.5)
+    away = e[1:-1] - even * e[2:] - (1.0 - even) * e[:-2]
+    squares = away**2 / (1.0 + even**2 + (1.0 - even) ** 2)
+    for some in (same, np.ones(same.size, dtype=bool)):
+        known = some & np.isfinite(squares)
+        if known.any():
+            near = known & (span <= _USUAL_SPAN * np.median(span[known]))
+            return max(float(np.sqrt(np.mean(squares[near if near.any() else known]))), 1e-9)
     return 1e-9
 
 
-def noise_floors(values: np.ndarray, window: np.ndarray, readings: np.ndarray | None) -> np.ndarray:
-    """The noise floor of each channel, (C,), from its readings alone, a mask of the values' shape, (rows, C)."""
+def noise_floors(
+    values: np.ndarray, window: np.ndarray, readings: np.ndarray | None, time: np.ndarray | None = None
+) -> np.ndarray:
+    """The noise floor of each channel, (C,), from its readings alone, a mask of the values' shape, (rows, C).
+
+    time: of the rows, see `noise_floor`.
+    """
     held = np.ones(values.shape, dtype=bool) if readings is None else readings
-    return np.array([noise_floor(v[h], window[h]) for v, h in zip(values.T, held.T, strict=True)])
+    t = np.arange(len(values), dtype=float) if time is None else time
+    return np.array([noise_floor(v[h], window[h], t[h]) for v, h in zip(values.T, held.T, strict=True)])
 
 
 def resolution(values: np.ndarray) -> float:
@@ -49,7 +65,7 @@ def resolution(values: np.ndarray) -> float:
 
 def residual_summary(runs: FreeRuns, record: Record) -> dict[str, dict[str, Any]]:
     """Per channel: size, noise floor, resolution, colour, and the channels that correlate with the residual's rate."""
-    result, floors = {}, noise_floors(runs.residual, runs.window, runs.readings).tolist()
+    result, floors = {}, noise_floors(runs.residual, runs.window, runs.readings, record.time[runs.rows]).tolist()
     for c, name in enumerate(runs.channels):
         held = runs.held(c)
         e, window, rows = runs.residual[held, c], runs.window[held], runs.rows[held]

@@ -71,4 +71,4 @@ def readings_noise(problem: Shooting) -> np.ndarray:
     """Standard deviation of each channel's readings about a smooth curve, shape (C,)."""
     rows = np.concatenate([np.arange(w.start, w.stop) for w in problem.windows])
     held = np.stack([problem.record.readings(name)[rows] for name in problem.channels], axis=1)
-    return noise_floors(problem.signals, problem.window_of_row, held)
+    return noise_floors(problem.signals, problem.window_of_row, held, problem.record.time[rows])

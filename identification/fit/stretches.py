@@ -147,7 +147,7 @@ class Stretches(Parameters):
             told = self._told(name)
             if told is not None:
                 path[:, s] = told
-                floor = noise_floor(told, self.stretch_of_row)
+                floor = noise_floor(told, self.stretch_of_row, self.record.time[self.rows])
                 least = _UNTOLD[1] if name in self.driven else 1e-6
                 spread[s] = max(_WIDE * float(np.std(told)), 10.0 * floor, least)
                 if self.chart.on and name in ANGLES:
@@ -176,7 +176,8 @@ class Stretches(Parameters):
             readings, held = self.signals, self.finite
         else:
             held = np.stack([self.record.readings(n)[samples] for n in self.channels], axis=1) & np.isfinite(readings)
-        floors = noise_floors(readings, np.repeat(self.stretch_of_row, self.stride), held)
+        times = self.record.time[self.rows if self.chart.on else samples]
+        floors = noise_floors(readings, np.repeat(self.stretch_of_row, self.stride), held, times)
         steps = [resolution(self.record[name]) / np.sqrt(12.0) for name in self.channels]
         self.floors, self.steps_of_readings = np.maximum(floors, 1e-8), np.array(steps)
         step = float(np.median(self.durations))

@@ -52,7 +52,7 @@ def by_covariances(plant: Plant, log: Record, problem: PredictionErrors, logs: n
     live, count = problem.live, len(problem.channels)
     assert (live < len(plant.family.states)).all()
     noise, probes, columns = np.diag(np.exp(2.0 * logs[:count])), problem._probes(live), problem.columns
-    covariance = problem._widest[0].T @ problem._widest[0]
+    covariance = problem.widest[0].T @ problem.widest[0]
     inputs, scores = inputs_of(plant, log), []
     x = plant.settled(problem.starts[0, : len(plant.family.states)], inputs[0])
     for k, u in enumerate(inputs):
@@ -74,7 +74,7 @@ def by_covariances(plant: Plant, log: Record, problem: PredictionErrors, logs: n
 def filtered(problem: PredictionErrors, vector: np.ndarray, logs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Scores of the rows by the filter linearised along its path, and by the vehicle run with its gains."""
     numbers = problem._numbers(logs)
-    system = problem._followed_system(vector, numbers, problem.starts, problem._widest)
+    system = problem._followed_system(vector, numbers, problem.starts, problem.widest)
     made = run_filter(system, *numbers)
     run = problem._followed(vector, logs, problem.starts, made.gains, made.whiten, system)
     return made.scores, run.scores
@@ -113,7 +113,7 @@ def test_a_filter_in_a_swell_is_as_likely_as_its_linearisation(stride, readings)
     logs[count + len(problem.pushed) :] = np.log(np.where(problem.swells, 6.0, 10.0))
     linear, run = filtered(problem, plant.vector, logs)
     assert linear == pytest.approx(run, abs=1e-3 * np.abs(run).max())
-    still = replace(problem._followed_system(plant.vector, problem._numbers(logs), problem.starts, problem._widest))
+    still = replace(problem._followed_system(plant.vector, problem._numbers(logs), problem.starts, problem.widest))
     fading = run_filter(replace(still, turns=None), *problem._numbers(logs)).scores
     assert np.abs(linear - fading).max() > 0.1  # it makes a difference
 

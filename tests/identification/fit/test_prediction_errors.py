@@ -253,7 +253,7 @@ def test_a_start_of_which_the_likelihood_has_no_slope_stays_where_it_is(pushed, 
 
     monkeypatch.setattr(filtering, "slopes_of", overflown)
     logs = np.log([*SENSORS.values()])
-    system = problem._system(GLIDER.vector, problem.first_path, problem.starts, problem._widest)
+    system = problem._system(GLIDER.vector, problem.first_path, problem.starts, problem.widest)
     made = run_filter(system, *problem._numbers(logs))
     starts, roots = problem._better_starts(system, made, logs, problem.starts)
     np.testing.assert_array_equal(starts[0], problem.starts[0])
@@ -268,6 +268,18 @@ def test_readings_of_many_short_stretches_keep_their_noise():
     problem = PredictionErrors(GLIDER, record, [slice(k, k + 8) for k in range(0, len(record) - 8, 9)])
     noise = problem.noise_at(problem.solve(GLIDER, PATHS)).measurement
     assert noise == pytest.approx(SENSORS, rel=0.2)
+
+
+def test_the_likelihood_is_that_of_any_starts():
+    """The likeliest starts take up a part of what pushes; a linear filter from a wide start does not let them."""
+    log, plant = glider_log(60, push=0.002, tau=30.0, rows=400), replace_at(GLIDER, OFFSET, 0.03)
+    problem = PredictionErrors(plant, log, [slice(k, k + 20) for k in range(0, 380, 21)])
+    noises = [problem.logs_of(Noise(SENSORS, process)) for process in ({}, {"r_radps": (0.002, 30.0)})]
+    points = [problem.point(plant.vector, logs) for logs in noises]
+    linear = [problem.likelihood_of_noises(problem._first_system, p.logs) + COST * problem.is_pushed(p) for p in points]
+    first, second = (problem.marginal(p) for p in points)
+    assert second - first == pytest.approx(linear[1] - linear[0], abs=0.3)
+    assert problem.total(points[1]) - problem.total(points[0]) < linear[1] - linear[0] - 5.0
 
 
 def test_better_noises_are_found_about_the_path_of_a_step_with_the_gains_held(pushed):
@@ -295,11 +307,10 @@ def test_starts_move_with_the_parameters():
 def test_what_is_known_of_correlation_times_and_the_cost_of_an_acceleration_are_part_of_the_objective(pushed):
     problem = PredictionErrors(GLIDER, pushed, whole(pushed))
     none = problem.point(GLIDER.vector, problem.logs_of(Noise(SENSORS, {})))
-    first = np.log([*SENSORS.values()]).sum()  # the start of heading and yaw rate takes up a reading of each
-    assert problem.objective(none, ()) == pytest.approx(problem.total(none) + first)
+    assert problem.objective(none, ()) == pytest.approx(problem.marginal(none))
     for time, far in ((25.0, 0.0), (25.0 * np.e, 1.0), (5.0, np.log(5.0))):
         point = problem.point(GLIDER.vector, problem.logs_of(Noise(SENSORS, {"r_radps": (0.006, time)})))
-        assert problem.objective(point, ()) - problem.total(point) == pytest.approx(first - 0.5 * far**2 - COST)
+        assert problem.objective(point, ()) - problem.marginal(point) == pytest.approx(-0.5 * far**2 - COST)
 
 
 def test_what_lasts_longer_than_some_minutes_is_no_noise():

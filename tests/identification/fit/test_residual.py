@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auv_gym.records.record import Record
-from identification.fit.residual import noise_floor, residual_summary, resolution
+from identification.fit.residual import noise_floor, noise_floors, residual_summary, resolution
 from identification.fit.validation import FreeRuns
 
 
@@ -34,6 +34,18 @@ def test_a_smooth_misfit_is_not_noise():
 def test_a_sensor_that_is_slower_than_its_windows_has_a_noise_all_the_same():
     values = 0.1 * np.random.default_rng(3).standard_normal(2000)
     assert noise_floor(values, np.arange(2000) // 2) == pytest.approx(0.1, rel=0.05)
+
+
+def test_lost_readings_are_no_noise():
+    """A tenth of the readings of a steep dive is missing: neighbours are farther apart there."""
+    rng, time = np.random.default_rng(5), np.arange(4000.0)
+    held = rng.random(4000) > 0.1
+    depth = 0.2 * time + 0.04 * rng.standard_normal(4000)
+    window = np.zeros(held.sum(), dtype=int)
+    assert noise_floor(depth[held], window, time[held]) == pytest.approx(0.04, rel=0.05)
+    assert noise_floor(depth[held], window) > 0.055
+    (floor,) = noise_floors(depth[:, None], np.zeros(4000, dtype=int), held[:, None], time)
+    assert floor == pytest.approx(0.04, rel=0.05)
 
 
 def test_values_between_readings_are_no_readings():

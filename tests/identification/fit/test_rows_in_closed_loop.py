@@ -113,9 +113,10 @@ def test_a_grey_box_is_not_misled(monkeypatch):
 
 
 @pytest.fixture
-def known(steered, monkeypatch) -> Known:
+def known(monkeypatch) -> Known:
     monkeypatch.setattr(workbench, "stride_for", lambda *_, **__: STRIDE)
-    bench = Workbench(GLIDER, steered, parts_of(GLIDER, steered), 0.1)
+    log = log_of(5, QUICK)
+    bench = Workbench(GLIDER, log, parts_of(GLIDER, log), 0.1)
     given = bench.fit(GLIDER, ())
     return Known(bench, PATHS, given, bench.fit(GLIDER, PATHS, given))
 

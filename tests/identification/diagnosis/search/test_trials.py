@@ -13,6 +13,8 @@ from auv_gym.plant import load_vehicle
 from identification.deciding import HOPELESS
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search import trials
+from identification.diagnosis.search.acceptance import UNSURE
+from identification.diagnosis.search.attribution import selected
 from identification.diagnosis.search.candidates import Candidate, Screening, candidates_of, screen
 from identification.diagnosis.search.trials import FAR_LESS, NO_TRACE, UNSEEN, UNSTABLE, trials_of
 from identification.diagnosis.search.workbench import State, Workbench
@@ -46,6 +48,19 @@ def test_the_right_one_is_accepted_and_leads(tried):
     assert tried[OFFSET].objection == ""
     assert max(tried.values(), key=lambda t: t.total) is tried[OFFSET]
     assert value_at(tried[OFFSET].state.plant, OFFSET) == pytest.approx(0.05, abs=0.01)
+
+
+def test_what_is_chosen_passes_all_that_the_gate_asks(start, tried, monkeypatch):
+    """A first judgement takes errors for white; intervals that allow for more may refuse what it accepts."""
+    bench, state, candidates = start
+    assert trials.sure(bench, state, tried[OFFSET], len(candidates)).objection == ""
+    monkeypatch.setattr(Workbench, "intervals", lambda self, of: dict.fromkeys(of.paths, (0.0, 1.0, 1000.0)))
+    assert trials.sure(bench, state, tried[OFFSET], len(candidates)).objection == UNSURE
+    refused = replace(tried[OFFSET], objection=FAR_LESS)
+    assert trials.sure(bench, state, refused, len(candidates)) is refused
+    made = selected(bench, state, candidates, len(candidates), ())
+    assert made.chosen is None
+    assert next(t for t in made.trials if t.candidate.paths[0] == OFFSET).objection == UNSURE
 
 
 def test_a_trial_is_what_is_likelier_from_the_given_coefficients(start, monkeypatch):
