@@ -431,14 +431,17 @@ def _joined(columns: list[Column]) -> np.ndarray | None:
     """One label per sample from the columns that divide a file; a change in any of them begins a segment."""
     if not columns:
         return None
-    if len(columns) == 1:
-        return np.asarray(columns[0])
+    if len(columns) == 1 and not isinstance(columns[0][0], str) and not np.isfinite(columns[0]).all():
+        return np.asarray(columns[0])  # refused by row where it divides a record
     text = [[_as_label(cell) for cell in column] for column in columns]
     return np.array(["/".join(labels) for labels in zip(*text, strict=True)])
 
 
 def _as_label(cell: Any) -> str:
-    return cell if isinstance(cell, str) else f"{cell:g}"
+    """The text of a cell; the dives 1 and 1.0 of two files are the same one."""
+    if isinstance(cell, str):
+        return cell
+    return f"{int(cell)}" if np.isfinite(cell) and cell == int(cell) else f"{cell:g}"
 
 
 def _named(path: Path, error: ValueError) -> ValueError:

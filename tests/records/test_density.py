@@ -5,6 +5,7 @@ from auv_gym.model import simulate
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.density import Profile, read_profiles, with_density
+from auv_gym.records.reading import read_record
 from auv_gym.records.record import Record
 
 ONE = "pressure_dbar,density_kgpm3\n0,1025\n100,1027\n50,1026\n"
@@ -42,6 +43,22 @@ def test_each_segment_takes_its_own_profile_or_the_nearest(tmp_path):
     np.testing.assert_allclose(gradient[:, 1], [0.01, 0.01, 0.1])
     np.testing.assert_allclose(record["density_depth_m"], record["depth_m"])
     assert record["density_kgpm3"][1] == pytest.approx(1025.1)
+
+
+def test_dives_may_be_numbers(tmp_path):
+    """Records and profiles count dives in one way, whatever a file writes."""
+    numbered = TWO.replace("a,", "1,").replace("c,", "3.0,")
+    profiles = read_profiles(_write(tmp_path, numbered))
+    assert list(profiles) == ["1", "3"]
+    log = tmp_path / "log.csv"
+    log.write_text(
+        "dive_id,time_s,depth_m,piston_m\n" + "".join(f"{d},{t},{10 + t},0.5\n" for d in (1, 3) for t in range(5))
+    )
+    record = with_density(read_record(log), profiles)
+    assert record.labels == ("1", "3")
+    assert record["density_kgpm3"][0] == pytest.approx(1025.1)
+    with pytest.raises(ValueError, match="None of the profiles \\(7, 8\\) belongs to a segment"):
+        with_density(record, {"7": profiles["1"], "8": profiles["3"]})
 
 
 def test_one_profile_serves_all_and_strangers_are_refused(tmp_path):

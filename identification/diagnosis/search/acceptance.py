@@ -12,7 +12,7 @@ from auv_gym.plant import Plant
 from identification.deciding import EFFECT_LEAST, EFFECT_SHARE, SURE, SURPRISE, TERM_LEAST, TERM_SHARE
 from identification.diagnosis.search.workbench import State, Workbench
 
-EDGE = 1e-6  # of the span between a parameter's bounds
+EDGE = 1e-4  # of the span between the bounds of a parameter: fits that stop early end near a bound, not at it
 
 INSIGNIFICANT = "not significant"
 UNREPEATED = "does not hold from one part of the log to the others"
