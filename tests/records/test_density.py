@@ -55,7 +55,7 @@ def test_dives_may_be_numbers(tmp_path):
         "dive_id,time_s,depth_m,piston_m\n" + "".join(f"{d},{t},{10 + t},0.5\n" for d in (1, 3) for t in range(5))
     )
     record = with_density(read_record(log), profiles)
-    assert record.labels == ("1", "3")
+    assert record.labels == ["1", "3"]
     assert record["density_kgpm3"][0] == pytest.approx(1025.1)
     with pytest.raises(ValueError, match="None of the profiles \\(7, 8\\) belongs to a segment"):
         with_density(record, {"7": profiles["1"], "8": profiles["3"]})
