@@ -62,6 +62,7 @@ def judge(log: CheckedLog, searched: Searched, source: str, progress: Progress) 
         progress(0.88, "looking for a term that no effect is")
         remaining = what_remains(scoring, found, scored.after)
     after, discovery = remaining.after, remaining.discovery
+    left = told.verdict in ("unexplained", "doubted")  # otherwise the log is not far from the vehicle with its effects
     progress(1.0, "done")
     diagnosis = Diagnosis(
         verdict=told.verdict,
@@ -86,7 +87,7 @@ def judge(log: CheckedLog, searched: Searched, source: str, progress: Progress) 
         settle=log.settle,
         seed=asked.seed,
         asked=asked,
-        doubts=(*told.doubts, *log.doubts),
+        doubts=(*told.doubts, *(doubt for doubt in log.doubts if left or doubt.slip is not None)),
         resting=tuple(sorted(bench.plant.family.resting(bench.problem.channels))),
         left_out=log.left_out,
         kinematics=searched.kinematics,

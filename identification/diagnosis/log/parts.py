@@ -61,8 +61,8 @@ class OneLog:
 
     @property
     def name(self) -> str:
-        """The log's label, or "log" and its number."""
-        return self.label or f"log {self.number}"
+        """The log's label, or "log" and a label that is a number, or its number."""
+        return f"log {self.label or self.number}" if self.label.isdigit() or not self.label else self.label
 
     def among(self, pieces: Sequence[slice]) -> list[slice]:
         """The pieces of the record that begin in this log."""

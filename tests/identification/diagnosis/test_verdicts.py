@@ -1,6 +1,8 @@
 """Verdicts on torpedoes, wrong coefficients, mislabelled logs and causes outside the library; and their repetition."""
 
 import json
+from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -10,6 +12,8 @@ from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
 from identification.diagnosis import again, as_json, diagnose, write_diagnosis
 from identification.diagnosis.judge import scoring
+from identification.diagnosis.log.checking import check_log
+from identification.diagnosis.log.plausibility import Doubt
 from identification.diagnosis.search import workbench
 from identification.experiments.missions import run_mission
 from tests.identification.gliders import QUICK
@@ -47,6 +51,17 @@ def test_a_torpedo_lacks_what_was_put_in(wrong, duration, effects):
     assert f"effects.{next(iter(effects)).replace('__', '.')}" in names(found)
     assert found.explained > 0.8
     assert not found.unexplained
+
+
+def test_a_log_that_effects_explain_is_not_far_from_its_vehicle(monkeypatch):
+    """Coefficients alone cannot make up for a large offset, which the check of the log says before any search."""
+    record = run_mission(replace_at(QUICK, "effects.rudder.offset", 0.1), np.random.default_rng(6), duration=400.0)
+    doubt = Doubt("the log and the vehicle are far apart", ("heading_rad",), 1.0, "check the log")
+    doubting = lambda *a: replace(check_log(*a), doubts=(doubt,))  # noqa: E731
+    monkeypatch.setattr(import_module("identification.diagnosis.diagnose"), "check_log", doubting)
+    found = diagnose(record, QUICK, most=1)
+    assert names(found) == {"effects.rudder.offset"}
+    assert found.doubts == ()
 
 
 @pytest.mark.slow

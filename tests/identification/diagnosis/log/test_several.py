@@ -44,6 +44,7 @@ def test_a_log_is_what_has_one_label_and_else_a_number():
         ("log1.csv", len(record) - 1),
     ]
     assert logs_in(record.with_labels(["", "b"]))[0].name == "log 1"
+    assert [one.name for one in logs_in(record.with_labels(["7", "b"]))] == ["log 7", "b"]  # dives are often numbers
 
 
 def test_each_part_has_a_share_of_each_log_and_windows_stay_within_it():
