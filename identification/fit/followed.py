@@ -147,10 +147,6 @@ class Followed(Linearised):
         """Which accelerations of a swell are present at a point, (D,)."""
         return self._there(point.logs) & self.swells
 
-    def cost(self, point: Point) -> float:
-        """The log-likelihood that the accelerations of a point cost in `objective`."""
-        return self._cost(point.logs)
-
     def _cost(self, logs: np.ndarray) -> float:
         """The log-likelihood that accelerations must gain to be kept."""
         return COST * float(self._there(logs)[self._leading].sum())

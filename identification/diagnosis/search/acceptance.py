@@ -52,8 +52,7 @@ class Claim:
     train, held: evidence in all rows, and in parts foretold by the others.  bar: what the first must reach.  sizes: of
     its parameters.  reach: half widths of their 95 % intervals.  flies: whether free runs stay finite with it.
     These two are costly and asked for last.  known: how much of the first is due to coefficients that are nearer to
-    what was stated of them; parts say nothing of that.  told: the first, without the cost of accelerations that the
-    change makes needless.
+    what was stated of them; parts say nothing of that.
     """
 
     train: float
@@ -63,7 +62,6 @@ class Claim:
     reach: Callable[[], Sequence[float]]
     flies: Callable[[], bool]
     known: float = 0.0
-    told: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,7 @@ class Weighed:
 
 def objection(claim: Claim, rule: Rule = EFFECT) -> str:
     """Why a change is not accepted, or "": every name has passed here, by whatever way it was found."""
-    if not min(claim.train, claim.told) >= claim.bar:
+    if not claim.train >= claim.bar:
         return INSIGNIFICANT
     # what is known of the coefficients may be enough; parts must not contradict it then
     least = -rule.least if claim.known >= claim.bar else max(rule.least, rule.share * claim.train)
@@ -114,8 +112,7 @@ def weighed(
         return Weighed(0.0, 0.0, DIVERGES)
     train, known = bench.gain(before, after), bench.known_gain(before, after)
     held = bench.gain_foretold(before, after, soon) if train >= bar else 0.0
-    told = train - bench.spared(before, after)
-    claim = Claim(train, held, bar, sizes, reach, lambda: bench.flies(after.plant), known, told)
+    claim = Claim(train, held, bar, sizes, reach, lambda: bench.flies(after.plant), known)
     return Weighed(train, held, objection(claim), known)
 
 

@@ -280,14 +280,6 @@ class Workbench:
         """Twice the gain in log-likelihood of each part foretold by the others, summed; each with its own noises."""
         return 2.0 * float((self.by_part(after, soon).foretold - self.by_part(before, soon).foretold).sum())
 
-    def spared(self, before: State, after: State) -> float:
-        """The part of `gain` that is the cost of accelerations which only the first state has.
-
-        The cost keeps accelerations out of a fit that hardly needs them; it is no evidence for what replaces them.
-        """
-        costs = [self.problem.cost(state.point) for state in (before, after)]
-        return 2.0 * max(costs[0] - costs[1], 0.0)
-
     def known_gain(self, before: State, after: State) -> float:
         """How much of `gain` is due to coefficients that are nearer to what was stated of them."""
         squares = [float((self.problem.pulls(s.point.vector, s.paths)[0] ** 2).sum()) for s in (before, after)]

@@ -89,9 +89,6 @@ class Table:
     def gain(self, before: State, after: State) -> float:
         return self.gains(before, after)[0]
 
-    def spared(self, before: State, after: State) -> float:
-        return 0.0
-
     def known_gain(self, before: State, after: State) -> float:
         return 0.0
 

@@ -87,19 +87,6 @@ def test_one_component_of_two_is_enough_but_none_may_be_at_a_limit():
     assert objection(sure(sizes=[small, small], reach=lambda: [1.0, 1.0])) == acceptance.UNSURE
 
 
-def test_what_accelerations_cost_is_no_evidence_for_an_effect(monkeypatch):
-    """They may become needless beside any effect: their cost is saved, and the bar must be passed without that."""
-    bench = Table({frozenset(): (0.0, 0.0), frozenset({OFFSET}): (25.0, 25.0)})
-    states = state_of(PLANT), state_of(replace_at(PLANT, OFFSET, 0.1), OFFSET)
-
-    def said() -> str:
-        return acceptance.weighed(bench, *states, [Size(5.0, False)], lambda: [1.0], 20.0).objection
-
-    assert said() == ""
-    monkeypatch.setattr(Table, "spared", lambda *_: 5.1)
-    assert said() == acceptance.INSIGNIFICANT
-
-
 def test_a_term_needs_more_in_the_held_out_windows():
     assert objection(sure(held=9.0, train=40.0), EFFECT) == objection(sure(held=9.0, train=40.0), TERM) == ""
     assert objection(sure(held=6.5, train=40.0), EFFECT) == ""
