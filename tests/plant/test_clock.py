@@ -64,5 +64,5 @@ def test_the_full_state_reaches_back_over_dead_time_and_delay():
     plant = load_vehicle("slocum")  # samples of 4 s
     assert replace_at(plant, "effects.clock.delay", 9.0).history == 4
     assert replace_at(plant, {"effects.clock.delay": 9.0, "effects.rudder.dead_time": 4.0}).history == 5
-    longer = {"effects.rudder.dead_time": 8.0, "effects.clock.rate": 0.5}
+    longer = {"effects.rudder.dead_time": 8.0, "effects.clock.rate": 0.25}
     assert replace_at(plant, longer).history == 4
