@@ -277,6 +277,9 @@ def test_the_likelihood_is_that_of_any_starts():
     noises = [problem.logs_of(Noise(SENSORS, process)) for process in ({}, {"r_radps": (0.002, 30.0)})]
     points = [problem.point(plant.vector, logs) for logs in noises]
     linear = [problem.likelihood_of_noises(problem._first_system, p.logs) + COST * problem.is_pushed(p) for p in points]
+    for point in points:  # so do noises that are sought
+        own = problem.likelihood_of_noises(point.system, point.logs) + COST * problem.is_pushed(point)
+        assert problem.noise_slopes(point, point.logs)[0] == pytest.approx(own + problem._prior(point.logs)[0])
     first, second = (problem.marginal(p) for p in points)
     assert second - first == pytest.approx(linear[1] - linear[0], abs=0.3)
     assert problem.total(points[1]) - problem.total(points[0]) < linear[1] - linear[0] - 5.0
