@@ -441,7 +441,7 @@ def _as_label(cell: Any) -> str:
     """The text of a cell; the dives 1 and 1.0 of two files are the same one."""
     if isinstance(cell, str):
         return cell
-    return f"{int(cell)}" if np.isfinite(cell) and cell == int(cell) else f"{cell:g}"
+    return f"{int(cell)}" if float(cell).is_integer() else f"{cell:g}"
 
 
 def _named(path: Path, error: ValueError) -> ValueError:

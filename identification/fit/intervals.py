@@ -217,6 +217,14 @@ class ByPart:
     known_pull: np.ndarray
     known_score: float
 
+    @cached_property
+    def spread(self) -> np.ndarray:
+        """Covariance of the paths by all parts together if errors were white and their noise was known, (P, P)."""
+        normal = self.known + self.normals.sum(axis=0)
+        size = np.sqrt(np.maximum(np.diag(normal), 1e-30))
+        each = np.outer(size, size)
+        return np.linalg.pinv(normal / each, rcond=1e-10, hermitian=True) / each
+
     def refitted(self, counted: np.ndarray) -> tuple[np.ndarray, float]:
         """Steps of the paths (P,) to where some parts, (K,) bool, alone would put them, and their objective there."""
         normal = self.known + self.normals[counted].sum(axis=0)

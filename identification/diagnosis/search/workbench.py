@@ -256,11 +256,8 @@ class Workbench:
         own = self._scaled(state)
         rows = [state.paths.index(p) for p in paths]
         moved = [(value_at(state.plant, p) - spec_at(state.plant, p).neutral) / own.scale(p) for p in paths]
-        told = self.by_part(state)
-        normal = told.known + told.normals.sum(axis=0)
-        size = np.sqrt(np.maximum(np.diag(normal), 1e-30))
-        spread = np.linalg.pinv(normal / np.outer(size, size), rcond=1e-10, hermitian=True) / np.outer(size, size)
-        return float(np.array(moved) @ np.linalg.pinv(spread[np.ix_(rows, rows)], hermitian=True) @ np.array(moved))
+        spread = self.by_part(state).spread[np.ix_(rows, rows)]
+        return float(np.array(moved) @ np.linalg.pinv(spread, hermitian=True) @ np.array(moved))
 
     def without(self, state: State, paths: Sequence[str]) -> State:
         """The state fitted again with effects at their neutral values and no longer free."""
@@ -298,10 +295,7 @@ class Workbench:
 
         Those of `intervals` are as wide or wider, and take far longer.
         """
-        told, own = self.by_part(state, soon=True), self._scaled(state)
-        normal = told.known + told.normals.sum(axis=0)
-        size = np.sqrt(np.maximum(np.diag(normal), 1e-30))
-        variances = np.diag(np.linalg.pinv(normal / np.outer(size, size), rcond=1e-10, hermitian=True)) / size**2
+        variances, own = np.diag(self.by_part(state, soon=True).spread), self._scaled(state)
         errors = dict(zip(state.paths, np.sqrt(np.maximum(variances, 0.0)), strict=True))
         return [half_width(np.inf) * float(errors[p]) * own.scale(p) for p in paths]
 
