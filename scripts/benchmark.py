@@ -1,6 +1,6 @@
-"""How fast the compiled code is, as ratios within one run: `python -m scripts.benchmark COMMAND`.
+"""Speed of the compiled code, as ratios within one run: `python -m scripts.benchmark COMMAND`.
 
-Timings are the best of several repeats: what disturbs a run only ever makes it longer.
+Timings are the best of several repeats, since disturbances can only make a run longer.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""How often the diagnosis is right about logs whose truth is sealed: drawn, written, diagnosed apart, then scored.
+"""How often diagnoses are right about logs whose truth is sealed: logs are drawn, diagnosed blindly, and scored.
 
-Case k of a seed is the same whatever else runs. `--out` keeps logs, truths, diagnoses and scores; a run that is
-repeated with the same folder goes on where it stopped.
+Case k of a seed is the same in any run. `--out` keeps logs, truths, diagnoses and scores; the same command with the
+same folder resumes a run that was stopped.
 
     python -m scripts.blind_benchmark --cases 300 --jobs 2 --out blind
     python -m scripts.blind_benchmark --cases 20 --kind outside --family torpedo --out blind

@@ -3,10 +3,10 @@
     python -m scripts.frozen_rollouts
     python -m scripts.frozen_rollouts --write
 
-A rollout takes a minute, or 60 samples where these are longer. Set points step, a square wave is added at every input,
-and nothing is drawn at random. States, outputs, inputs and set points are recorded. Hashes cover every sample; of the
-arrays 61 samples are stored. Without --write the exit status is 1 where a channel differs from the stored one by more
-than the tolerance. Another processor or mathematical library may round differently: then hashes differ, and differences
+A rollout takes a minute, or 60 samples if these are longer. The set points step, a square wave is added to every input,
+and nothing is random. States, outputs, inputs and set points are recorded. Hashes cover every sample; 61 samples of
+each array are stored. Without --write, the exit status is 1 if a channel differs from the stored one by more than the
+tolerance. On another processor or with another mathematical library, rounding may change the hashes; the differences
 stay far below the tolerance (3e-14 with every sine and square root moved to the next floating-point number).
 """
 

@@ -1,13 +1,14 @@
-"""Frozen logs diagnosed again: case by case what has changed against the verdicts that were stored.
+"""Frozen logs diagnosed again, and the changes of each case against its stored verdict.
 
     python -m scripts.frozen_verdicts FOLDER --out again
     python -m scripts.frozen_verdicts FOLDER --out again --baseline tests/frozen/verdicts.json
     python -m scripts.frozen_verdicts FOLDER --out again --write tests/frozen/verdicts.json
 
-FOLDER holds a folder for each case with log.nc, vehicle.toml, frame.json and verdict.json, and may hold
-`truth/CASE/truth.json`, which only adds who is right.  Without --baseline the cases' own verdict.json count.  Reported
-are other verdicts, names that came or went, other ties, and sizes that moved by more than a tenth of their 95 %
-interval; the exit status is then 1.  `--out` keeps what was diagnosed: a run that is repeated goes on where it stopped.
+FOLDER holds a folder for each case with log.nc, vehicle.toml, frame.json and verdict.json. It may also hold
+`truth/CASE/truth.json`, which shows which verdict is right. Without --baseline, verdict.json of each case is compared.
+Changes are other verdicts, new or missing names, other ties, other remainders, and sizes that moved by more than a
+tenth of their 95 % interval; the exit status is 1 if there are any. `--out` keeps the diagnoses: the same command
+resumes a run that was stopped.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
-"""Whether the tests notice when a rule by which a diagnosis names an effect is taken out.
+"""Mutation tests: whether the tests notice when a rule by which a diagnosis names an effect is removed.
 
     python -m scripts.mutants
 
-Every mutant is one change of one file, in a copy of the tree in a temporary folder, where the test that watches over
-that rule is run; `mutants.toml` lists them. Prints which test noticed it; ends with 1 if any mutant survives.
+A mutant is one change of one file, in a copy of the tree in a temporary folder. There the test that guards the rule is
+run; `mutants.toml` lists the mutants. The program prints the test that noticed each mutant, and exits with 1 if any
+mutant survives.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The notebooks of examples/ from its scripts, without outputs.
+"""Make the notebooks of examples/ from its scripts, without outputs.
 
 python -m scripts.notebooks
 """

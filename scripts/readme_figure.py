@@ -1,4 +1,4 @@
-"""The picture and the figures of the README: the diagnosis of a real glider log.
+"""Draw the picture of the README, and print its numbers: the diagnosis of a real glider log.
 
 python -m scripts.readme_figure --out docs/images
 """

@@ -1,11 +1,11 @@
-"""Measured logs, each diagnosed with defaults: verdict, names and unseen error, beside the best that others reach.
+"""Diagnoses of measured logs with defaults: verdict, names and error on unseen data, compared with other programs.
 
     python -m scripts.real_logs --data DIR
     python -m scripts.real_logs --data DIR --peers .peers --make-peers --only SG561
 
-The logs of three Slocum gliders come with dbdreader; DIR has the others, and those that are not there are left out.
-Each result is a file under --out and is not made again (delete it to have that); docs/real_logs.md and its picture are
-written from all that are there.  --summary prints the table in short instead.
+The logs of three Slocum gliders come with dbdreader; DIR has the others, and logs that are not there are left out. Each
+result is a file under --out, and is computed only once (delete the file to repeat it). docs/real_logs.md and its
+picture are written from all results there. --summary prints a short table instead.
 """
 
 from __future__ import annotations

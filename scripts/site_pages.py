@@ -1,4 +1,4 @@
-"""The documentation's sources in one folder: docs/, and the pages that are made: parts, effects, channels, commands.
+"""Write the sources of the documentation to one folder: docs/, and pages of parts, effects, channels and commands.
 
 `python -m scripts.site_pages` writes build/docs, from which `make docs` builds the site.
 """

@@ -1,8 +1,8 @@
-"""Gains of the PID and S-plane loops of presets, tuned by simulation for the least cost and written to a file.
+"""Tune the gains of PID and S-plane loops of presets by simulation for the least cost, and write them to a file.
 
     python -m scripts.tune_controllers --out gains.toml
 
-Same seed, same file. `auv-gym tune` tunes a vehicle of one's own, against requirements.
+The same seed gives the same file. `auv-gym tune` tunes other vehicles, against requirements.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How sure fitted parameters are: covariance by information, robust to a misjudged colour, and likelihood profiles."""
+"""Uncertainty of fitted parameters: covariances from the information, robust to a wrong colour, and profiles."""
 
 from __future__ import annotations
 
@@ -15,26 +15,28 @@ from identification.fit.parameters import jumps, kinked
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.sensitivities import NOTHING
 
-# of the square of slopes, below which what starts leave of them is rounding: along eight frozen logs of seven vehicles
-# central differences leave at most some 1e-12 of what starts imitate, and of the rest 4e-9 or more; a log of Tethys has
-# directions in between.  Responses, which are true along the filter's path only, are off by more
+# share of the squared slopes that remains beside the initial states, below which it is rounding error.  On eight frozen
+# logs of seven vehicles, central differences leave at most some 1e-12 of what the initial states imitate, and 4e-9 or
+# more of the rest; a log of Tethys has directions in between.  Responses hold only along the filter's path and have
+# larger errors
 _LEFT, _LEFT_SOON = 1e-11, 1e-6
-_PROFILED = 6  # values at either side at which a profile is sought
-_DESCENTS = 12  # steps of all else at each of them
-_TOO_FAR, _SHORTEST = 4.0, 0.05  # times the fall that is sought, beyond which it is sought nearer; least of that way
-_NOISE_STEP = 0.2  # of the logarithm of a noise, over which its slopes are taken
-_LEAST_TOLD = 0.25  # curvature by the logarithm of a noise: a factor of e^2 to either side is the least that is known
-_LEAST_FREEDOM = 2.0  # of Student's t, which has no variance below
-_MOST_GROWTH = 1.0  # of the logarithm of a variance, as far as the first order holds
+_PROFILED = 6  # most values tried on each side of a profile
+_DESCENTS = 12  # steps of the other parameters at each of them
+# multiple of the wanted fall beyond which a nearer value is tried; least share of the interval for that value
+_TOO_FAR, _SHORTEST = 4.0, 0.05
+_NOISE_STEP = 0.2  # step of a noise's logarithm for slopes
+_LEAST_TOLD = 0.25  # least curvature by a noise's logarithm; its deviation is then 2, a factor of e^2
+_LEAST_FREEDOM = 2.0  # degrees of freedom of Student's t: it has no variance at or below this
+_MOST_GROWTH = 1.0  # most growth of a variance's logarithm; the first order holds no further
 
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """What a record tells of the paths, in units of their scales.
+    """The information that a record holds on the paths, in units of their scales.
 
-    covariance: (P, P), robust.  alone: (P, P), normal matrix of the rows that count, without what was known before.
-    freedom: (P,), of Student's t, since the noise that the covariance rests on is estimated, too.  reach: (P,), half
-    widths of 95 % intervals, in standard errors as they were if errors were white and their noise was known.
+    covariance: (P, P), robust.  alone: (P, P), normal matrix of the counted rows, without the priors.
+    freedom: (P,), degrees of freedom of Student's t, since the noise behind the covariance is estimated as well.
+    reach: (P,), half widths of 95 % intervals, in the standard errors that hold for white errors of known noise.
     """
 
     covariance: np.ndarray
@@ -44,11 +46,11 @@ class Information:
 
 
 def information_of(problem: PredictionErrors, point: Point, paths: Sequence[str]) -> Information:
-    """The information of a fitted point and the covariance that follows.
+    """The information at a fitted point, and the covariance that follows from it.
 
-    Prediction errors of the right model are white, and the covariance is the inverse of the information.  Where the
-    noise is not what was taken for it, neighbouring scores correlate: the variance of each parameter is at least that
-    of the sandwich form with Bartlett weights (Newey and West 1987; Ljung 1999, sec. 9.3).
+    The prediction errors of the right model are white, and the covariance is the inverse of the information.  If the
+    noise model is wrong, neighbouring scores correlate: the variance of each parameter is then at least that of the
+    sandwich form with Bartlett weights (Newey and West 1987; Ljung 1999, sec. 9.3).
     """
     flat, size = _told(problem, point, paths)
     alone, known = flat @ flat.T, np.diag(problem.pulls(point.vector, paths)[1] ** 2)
@@ -73,11 +75,11 @@ def information_of(problem: PredictionErrors, point: Point, paths: Sequence[str]
 def _told(
     problem: PredictionErrors, point: Point, paths: Sequence[str], soon: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Slopes of the paths that starts cannot imitate, (P, rows * C), and sizes of all that the paths do, (P,).
+    """The slopes by the paths that initial states cannot imitate, (P, rows * C), and norms of the whole slopes, (P,).
 
-    Without what the starts leave of a change that they can all but imitate: what is left there is the rounding of
-    slopes, and would look like a change by parameters that are told.  soon: by responses where there are any, and to
-    one side of the other paths.
+    Directions that the initial states imitate almost exactly are left out: what remains of them is rounding error, and
+    would look like information on the parameters.
+    soon: use responses where a point has them, and one-sided differences for the other paths.
     """
     if soon:
         slopes = problem.soon_slopes(point, paths)
@@ -92,14 +94,14 @@ def _told(
 
 
 def _inverse(normal: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """The inverse of a normal matrix, without what is told nothing of; size: (P,), of all that the paths do."""
-    size = np.maximum(size, np.sqrt(np.diag(normal)))  # what was known of a path may be far more than it does
+    """The inverse of a normal matrix, without directions that hold no information; size: (P,), norms of the slopes."""
+    size = np.maximum(size, np.sqrt(np.diag(normal)))  # the prior of a path may be far stronger than its slopes
     each = np.outer(size, size)
     return np.linalg.pinv(normal / each, rcond=1e-13, hermitian=True) / each
 
 
 def _size(normal: np.ndarray) -> float:
-    """Logarithm of the determinant, without what is told nothing of."""
+    """The logarithm of a determinant, without directions that hold no information."""
     values = np.linalg.eigvalsh(normal)
     return float(np.log(values[values > 1e-13 * values[-1]]).sum())
 
@@ -107,27 +109,27 @@ def _size(normal: np.ndarray) -> float:
 def _by_noise(
     problem: PredictionErrors, point: Point, paths: Sequence[str], known: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """By how much logarithms of variances grow since accelerations are estimated, and degrees of freedom, (P,) each.
+    """The growth of the variances' logarithms due to estimated accelerations, and the degrees of freedom, (P,) each.
 
-    A log of a few correlation times does not tell the noise well.  That parameters take up a part of it makes it too
-    weak by what restricted likelihood corrects (Patterson and Thompson 1971); that estimates move with the noise adds
-    the variance of what they move by (Kackar and Harville 1984); the variance of a logarithm of a variance, s^2, makes
-    intervals those of Student's t with 2 / s^2 degrees of freedom (Satterthwaite 1946; Kenward and Roger 1997), all to
-    first order in the logarithms of the noises.  Differences between noises need no slopes by the vehicle itself where
-    it is known how it answers the coefficients.
+    A log of a few correlation times determines the noise poorly.  Three corrections follow, all to first order in the
+    logarithms of the noises.  Fitted parameters absorb a part of the noise, so that its estimate is too small; the
+    restricted likelihood corrects this (Patterson and Thompson 1971).  The estimates move with the noise, which adds
+    the variance of that movement (Kackar and Harville 1984).  If the logarithm of a variance has the variance s^2, the
+    interval is that of Student's t with 2 / s^2 degrees of freedom (Satterthwaite 1946; Kenward and Roger 1997).
+    If a point has responses to its coefficients, these give the slopes at each noise without runs of the vehicle.
     """
     pushing, count = problem.pushing(point), len(paths)
-    if not pushing or not count or point.system is None:  # the filter of a vehicle that runs away
+    if not pushing or not count or point.system is None:  # without a system, the vehicle diverges
         return np.zeros(count), np.full(count, np.inf)
     size, point = len(pushing), problem.prepared(point, paths)
     slopes, fall = np.zeros((size, count)), np.zeros(size)
-    ways = np.zeros((size, count))  # by which the likeliest parameters move with the noises
+    ways = np.zeros((size, count))  # slopes of the likeliest parameters by the noises
     here = first_order(problem, point, paths, known)
     for j, i in enumerate(pushing):
         more = point.logs.copy()
         more[i] += _NOISE_STEP
         there = problem.with_noise(point, more)
-        if not np.isfinite(there.scores).all():  # the vehicle runs away with these gains, which tells nothing
+        if not np.isfinite(there.scores).all():  # the vehicle diverges with these gains: no slope can be taken
             continue
         other = first_order(problem, there, paths, known)
         slopes[j] = np.log(other.variances / here.variances) / _NOISE_STEP
@@ -143,12 +145,12 @@ def _by_noise(
 
 
 def _by_left_out(problem: PredictionErrors, point: Point, paths: Sequence[str], known: np.ndarray) -> np.ndarray:
-    """By how much logarithms of variances grow by accelerations that a fit has left out, (P,).
+    """The growth of the variances' logarithms due to accelerations that a fit has left out, (P,).
 
-    A fit leaves out what brings less than it costs.  It may be there all the same, so that parameters are known less
-    well, and are off by as much as it moves them: a choice of a model adds this to the variance (Buckland, Burnham and
-    Augustin 1997, Biometrics 53).  Each is as strong as is likeliest at no cost by the restricted likelihood, which
-    knows that parameters have taken up a part of it (Patterson and Thompson 1971).
+    A fit leaves out an acceleration that gains less than it costs.  It may be present all the same: then the parameters
+    are less certain, and biased by as much as it moves them.  Model selection adds both to the variance (Buckland,
+    Burnham and Augustin 1997, Biometrics 53).  Each acceleration gets its likeliest strength at no cost, by the
+    restricted likelihood, which allows for the part that the parameters have absorbed (Patterson and Thompson 1971).
     """
     count = len(paths)
     if not count or point.system is None:
@@ -160,7 +162,7 @@ def _by_left_out(problem: PredictionErrors, point: Point, paths: Sequence[str], 
         if not np.isfinite(there.scores).all():
             return -np.inf, FirstOrder(np.ones(count), np.zeros(count), 0.0, 0.0)
         told = first_order(problem, there, paths, known)
-        # not the marginal one: in most logs that nothing pushes, intervals would then be several times too wide
+        # not the marginal likelihood: it makes intervals several times too wide in most logs without any acceleration
         return problem.total(there) + told.gain - 0.5 * told.size, told
 
     first = best = None
@@ -171,7 +173,7 @@ def _by_left_out(problem: PredictionErrors, point: Point, paths: Sequence[str], 
         for other, found in zip(tried, side_by_side(restricted, tried), strict=True):
             if best is None or found[0] > best[0]:
                 logs, best = other, found
-    if first is None or best is None or best is first or not np.isfinite(first[0]):  # the last: it runs away
+    if first is None or best is None or best is first or not np.isfinite(first[0]):  # not finite: it diverges
         return np.zeros(count)
     before, after = first[1], best[1]
     wider = np.maximum(after.variances, before.variances) + (after.ways - before.ways) ** 2
@@ -180,9 +182,9 @@ def _by_left_out(problem: PredictionErrors, point: Point, paths: Sequence[str], 
 
 @dataclass(frozen=True, eq=False)
 class FirstOrder:
-    """What a point tells of paths to first order: variances and the steps to where they are likeliest, (P,) each.
+    """First-order information at a point: variances of the paths and steps to their likeliest values, (P,) each.
 
-    gain: of the log-likelihood by these steps.  size: logarithm of the determinant of the information.
+    gain: of the objective by these steps.  size: logarithm of the determinant of the information.
     """
 
     variances: np.ndarray
@@ -192,7 +194,7 @@ class FirstOrder:
 
 
 def first_order(problem: PredictionErrors, point: Point, paths: Sequence[str], known: np.ndarray) -> FirstOrder:
-    """See `FirstOrder`; by responses where there are any.  known: (P, P), information that the record does not tell."""
+    """The information at a point to first order, by responses if it has any.  known: (P, P), from the priors."""
     pulled, rates = problem.pulls(point.vector, paths)
     flat, scale = _told(problem, point, paths, soon=True)
     normal = flat @ flat.T + known
@@ -204,10 +206,10 @@ def first_order(problem: PredictionErrors, point: Point, paths: Sequence[str], k
 
 @dataclass(frozen=True, eq=False)
 class ByPart:
-    """What each part of a record tells of a fitted point's paths, to second order about it, in units of their scales.
+    """The log-likelihood of each part of a record, to second order about a fitted point, in units of the paths' scales.
 
-    normals: (K, P, P).  pulls: (K, P), slopes of the log-likelihood.  scores: (K,), log-likelihood.  known, known_pull,
-    known_score: the same of what was known before.
+    normals: (K, P, P), information.  pulls: (K, P), slopes.  scores: (K,), values.
+    known, known_pull: the same of the priors.  known_score: the objective's terms other than the scores.
     """
 
     normals: np.ndarray
@@ -219,14 +221,14 @@ class ByPart:
 
     @cached_property
     def spread(self) -> np.ndarray:
-        """Covariance of the paths by all parts together if errors were white and their noise was known, (P, P)."""
+        """The covariance of the paths from all parts together, (P, P), for white errors of known noise."""
         normal = self.known + self.normals.sum(axis=0)
         size = np.sqrt(np.maximum(np.diag(normal), 1e-30))
         each = np.outer(size, size)
         return np.linalg.pinv(normal / each, rcond=1e-10, hermitian=True) / each
 
     def refitted(self, counted: np.ndarray) -> tuple[np.ndarray, float]:
-        """Steps of the paths (P,) to where some parts, (K,) bool, alone would put them, and their objective there."""
+        """The steps of the paths, (P,), to their fit to some parts only, (K,) bool, and the objective there."""
         normal = self.known + self.normals[counted].sum(axis=0)
         pull = self.known_pull + self.pulls[counted].sum(axis=0)
         size = np.sqrt(np.maximum(np.diag(normal), 1e-30))
@@ -235,10 +237,10 @@ class ByPart:
 
     @cached_property
     def foretold(self) -> np.ndarray:
-        """Log-likelihood of each part given the others, the paths as uncertain as those leave them, (K,).
+        """The log-likelihood of each part given the others, (K,), integrated over the uncertainty that those leave.
 
-        Integrated over the linearised posterior (Rasmussen and Williams 2006, sec. 2.7): that the others do not tell a
-        parameter is no surprise where it matters.
+        The integral is over the linearised posterior (Rasmussen and Williams 2006, sec. 2.7): if the other parts do not
+        determine a parameter, the part in which it matters may differ from what they predict.
         """
         every = np.ones(len(self.scores), dtype=bool)
         whole, found = self._integrated(every), []
@@ -263,9 +265,10 @@ def told_by_part(
     parts: Sequence[Sequence[slice]],
     soon: bool = False,
 ) -> ByPart:
-    """What each part of the rows that count tells of the paths, what stretches' starts can imitate taken out.
+    """The log-likelihood of each part of the counted rows as a function of the paths; see `ByPart`.
 
-    soon: by responses where there are any.
+    The slopes are without what the initial states of the stretches can imitate.
+    soon: use responses where the point has them.
     """
     flat, _ = _told(problem, point, paths, soon)
     columns, errors = flat.reshape(len(paths), *point.errors.shape), problem.counted_errors(point)
@@ -284,7 +287,7 @@ def told_by_part(
 def interval_of(
     problem: PredictionErrors, point: Point, paths: Sequence[str], path: str, told: Information
 ) -> tuple[float, float]:
-    """The 95 % interval of a path: by the profile of the likelihood where it has a corner or meets a bound."""
+    """The 95 % interval of a path, by the likelihood profile if the path has a corner or the interval meets a bound."""
     k, value = list(paths).index(path), float(point.vector[problem.index[path]])
     error = float(np.sqrt(max(told.covariance[k, k], 0.0))) * problem.scale(path)
     half = half_width(float(told.freedom[k])) * error
@@ -305,14 +308,14 @@ def profile_interval(
     reach: float,
     way: np.ndarray | None,
 ) -> tuple[float, float]:
-    """Where the log-likelihood, all else refitted, falls by half of `reach` squared; for corners and bounds.
+    """The interval in which the log-likelihood, all else refitted, falls by less than half of `reach` squared.
 
-    error: standard error of the path, in its unit, by which the search begins.  A side on which it never falls so far
-    ends at the bound; of what changes by jumps, where it was seen to have fallen.  The filter's gains are held, as they
-    are where parameters are fitted: gains made anew would count what the colour of errors tells of the parameters, too,
-    which estimates and their covariance leave out.
-    way: (P,), in scales, how all paths move with this one to first order: where hardly anything pushes a vehicle that
-    turns away from its course, a fit does not find from farther away what makes up for it.
+    A side without such a fall ends at the bound.  For an effect with jumps, a side ends at the tried value that shows
+    the fall.  The filter's gains are held, as in the fit of the parameters: with new gains, the profile would also
+    count the information in the colour of the errors, which the estimates and their covariance leave out.
+    error: standard error of the path, in its unit; the first step is based on it.
+    way: (P,), in scales, the change of all paths with this one to first order.  For a vehicle that turns away from its
+    course with hardly any process noise, a fit from farther away does not find the compensating parameters.
     """
     bar = 0.5 * reach**2
     value = float(point.vector[problem.index[path]])
@@ -337,7 +340,7 @@ def profile_interval(
             inner, drop_inner, near = tried, drop, there
             if tried == limit:
                 break
-            reached = abs(inner - value)  # sizes go as the root of the fall
+            reached = abs(inner - value)  # the distance is proportional to the root of the fall
             step = float(
                 np.clip(reached * (np.sqrt(bar / max(drop, 0.05 * bar)) * 1.1 - 1.0), 0.3 * reached, 3.0 * reached)
             )
@@ -348,7 +351,10 @@ def profile_interval(
 def _refitted(
     problem: PredictionErrors, near: Point, paths: Sequence[str], path: str, value: float, way: np.ndarray | None
 ) -> Point:
-    """The likeliest point with a path at a value, all else refitted from where it was or from where it should go."""
+    """The likeliest point with a path held at a value, all else refitted; way: see `profile_interval`.
+
+    The fit begins at a nearby point, or at that point moved along `way` if this is likelier.
+    """
     i, others = problem.index[path], [p for p in paths if p != path]
     vector = near.vector.copy()
     vector[i] = value

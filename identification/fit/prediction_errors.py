@@ -1,11 +1,12 @@
-"""The likelihood of a record by the one-step errors of an extended Kalman filter, with noise of sensors and of motion.
+"""Prediction-error fits: the likelihood of a record by an extended Kalman filter with sensor and process noise.
 
-Free runs blame the sensors for all that a model does not explain.  Waves, gusts and turbulence push the vehicle, and a
-controller steers against them, so that a fit of free runs in closed loop is biased.  Here accelerations of unknown
-strength and correlation time push it; where these come to nothing, the filter is a free run, the fit output error.
+A fit of free runs attributes all that a model does not explain to sensor noise.  But waves, gusts and turbulence push
+the vehicle, and a controller steers against them, so that such a fit is biased in closed loop.  Here the vehicle is
+pushed by random accelerations of unknown strength and correlation time.  If their strengths are zero, the filter is a
+free run, and the fit is an output-error fit.
 Sources: Ljung 1999, ch. 7; Harvey 1989, ch. 3; Forssell and Ljung 1999, Automatica 35, pages 1215-1241.
-The parts: what a record tells (`stretches.py`), a vehicle that follows it (`followed.py`), its `sensitivities.py`, the
-filter (`filtering.py`) and `noises.py`; the fit is here.
+The base classes are in `stretches.py` (the record), `linearised.py`, `followed.py` (the vehicle along the record),
+`sensitivities.py`, `filtering.py` and `noises.py`; this module has the fit.
 """
 
 from __future__ import annotations
@@ -22,12 +23,12 @@ from identification.fit.noises import FAR, Noise, Noises
 from identification.fit.online import FilterPlan
 from identification.fit.sensitivities import LEAST_GAIN
 
-_QUIETER = 30.0  # times weaker accelerations, with which a fit is tried too
-_HALVINGS, _SHORTER = 6, 0.4  # of a step that is not confirmed, and by how much
-_DOUBLINGS = 5
-_FAR_TURN = 1.0  # of the log-likelihood, that a turn brings after which responses are taken anew before a fit ends
-_SLOW = 0.3  # of what the turn before has brought: Gauss and Newton's steps bring far less each time
-_FIRST_NOISE_STEPS, NOISE_STEPS = 40, 6  # to better noises, at first and after each turn of a fit
+_QUIETER = 30.0  # factor by which accelerations are weakened for a second try of a fit
+_HALVINGS, _SHORTER = 6, 0.4  # tries of a step that is not confirmed, and the factor of its length from one to the next
+_DOUBLINGS = 5  # most doublings of a step
+_FAR_TURN = 1.0  # gain of log-likelihood by an iteration after which responses are recomputed before a fit ends
+_SLOW = 0.3  # gain of an iteration, over the last one, above which its step is lengthened: Gauss-Newton gains far less
+_FIRST_NOISE_STEPS, NOISE_STEPS = 40, 6  # most steps of the noises, at first and after each iteration of a fit
 
 
 class PredictionErrors(Noises):
@@ -47,23 +48,25 @@ class PredictionErrors(Noises):
     ) -> Point:
         """The point of greatest likelihood over the paths and, with `noise`, the noises, from the plant's values.
 
-        near: a point with noises and starts to begin with, which is not left if it is of these values and as likely.
-        In turns: parameters with the filter's gains held, gains made anew, noises.  It ends where a turn raises the
-        log-likelihood by less than `gain`.  Where turns bring hardly less than those before, they go along a narrow
-        valley by short steps, and the next one is made longer as long as that helps.
+        Each iteration fits the parameters with the filter's gains held, then recomputes the gains, then fits the
+        noises.  A fit ends when an iteration raises the log-likelihood by less than `gain`, and weaker accelerations do
+        not help.  If an iteration gains hardly less than the one before, the fit follows a narrow valley in short
+        steps: the step is then lengthened as long as that helps.
+        near: a point whose noises and initial states the fit begins with; the result is no less likely if the point
+        has the plant's values.
         """
         here, known = self._begun(plant.vector, near), None
         if noise:
             here, known = self._renewed(here, paths, _FIRST_NOISE_STEPS if near is None else NOISE_STEPS)
         here = self.prepared(here, paths)
-        own, last = False, np.inf  # own: whether responses are those of this point, or one near by
+        own, last = False, np.inf  # own: whether the responses are those of this point or of one close to it
         for _ in range(iterations):
             before = self.objective(here, paths)
             there = self.descended(here, paths)
             fresh = self._confirmed(here, there, paths, before - gain)
             if self.objective(fresh, paths) - before > _SLOW * last:
                 fresh = self._further(here, fresh, paths, gain)
-            # noises suit the parameters already where these stay as they are
+            # if the parameters stay as they are, the noises suit them already
             if noise and not (own and self.objective(fresh, paths) <= before + gain):
                 fresh, known = self._renewed(fresh, paths, NOISE_STEPS, known)
             gained = last = self.objective(fresh, paths) - before
@@ -71,7 +74,7 @@ class PredictionErrors(Noises):
             own = own and gained < _FAR_TURN
             if gained > gain:
                 continue
-            if self.is_answered(here) and not own:  # no fit ends by slopes that were taken farther away
+            if self.is_answered(here) and not own:  # a fit must not end by slopes from farther away
                 here, own = self.prepared(here, paths, anew=True), True
                 continue
             there = self._weaker(here, paths) if noise else here
@@ -83,9 +86,9 @@ class PredictionErrors(Noises):
         return here
 
     def _begun(self, vector: np.ndarray, near: Point | None) -> Point:
-        """Where a fit begins: a point near by if it is of these values, however its gains were made, or the filter.
+        """The point where a fit begins: with the gains of the nearby point if it has these values, else filtered anew.
 
-        With the first guess of noises where the vehicle runs away with those of the point near by.
+        If the vehicle diverges with the noises of the nearby point, the fit begins with the first guess of noises.
         """
         if near is not None and np.array_equal(vector, near.vector):
             return self.with_gains(near, vector)
@@ -93,10 +96,11 @@ class PredictionErrors(Noises):
         return self.point(vector, self.first_noise()) if near is not None and point.system is None else point
 
     def _confirmed(self, here: Point, there: Point, paths: Sequence[str], least: float) -> Point:
-        """The filter at the end of a step that was taken with the gains held, or of a shorter one if it is less likely.
+        """The filter at the end of a step that was made with the gains held, or of a shorter step, or the first point.
 
-        None is left where tries fall behind in proportion to their lengths, twice in a row, and not to the squares of
-        these: the gains, which the step has held, then lose by any such step more than it brings.
+        A step is shortened until its end has more than the `least` objective.  The tries end if the loss decreases,
+        twice in a row, in proportion to the length and not to its square: with recomputed gains, any step of this
+        direction then loses more than it gains.
         """
         lost: list[float] = []
         for _ in range(_HALVINGS):
@@ -112,17 +116,18 @@ class PredictionErrors(Noises):
         return here
 
     def _weaker(self, here: Point, paths: Sequence[str]) -> Point:
-        """The likelier of what is reached from weaker accelerations: without any, or from much weaker ones."""
+        """The point without some accelerations, or what a fit from weaker ones reaches, if either is likelier."""
         there = self._stilled(here, paths)
         if there is here and paths and self.pushed:
             there = self._quieter(here, paths)
         return there
 
     def _stilled(self, here: Point, paths: Sequence[str]) -> Point:
-        """The point without those accelerations whose absence is likelier, at what they cost.
+        """The point without those accelerations whose absence is likelier, given their cost.
 
-        Without each as the linearised filter tells, and without any as the vehicle itself does: that filter is far from
-        it where accelerations have carried it away.
+        The linearised filter judges each acceleration by itself.  The absence of all is judged by the vehicle itself,
+        unless it is hopeless in the linearised filter, since this filter is far from a vehicle that accelerations have
+        carried away.
         """
         if here.system is None or not self.pushed:
             return here
@@ -135,10 +140,11 @@ class PredictionErrors(Noises):
         return max(points, key=lambda p: self.objective(p, paths))
 
     def begun_with(self, point: Point) -> Point:
-        """A point of the problem without its last noises (`with_noises`), with first guesses of these.
+        """A point of a problem without the last added noises (`with_noises`), with first guesses for these.
 
-        Half of what pushes there is taken for a swell: where accelerations have taken its part, they leave none of it
-        to find.  What lasts of a reading's errors is taken to be as large as they are.
+        A swell gets half the strength of the acceleration of the same velocity.  The other accelerations are weakened:
+        having absorbed the swell, they would leave nothing of it to find.  A lasting sensor error gets the size of its
+        channel's noise.
         """
         count, pushed = len(self.channels), (point.logs.size - len(self.channels)) // 2
         anew = np.arange(len(self.pushed)) >= pushed
@@ -157,10 +163,10 @@ class PredictionErrors(Noises):
         return self.point(point.vector, np.r_[point.logs[:count], strengths, times])
 
     def quieted(self, here: Point, which: np.ndarray | None = None) -> Point | None:
-        """The same parameters, what pushes the vehicle taken for much weaker; None where the filter loses its way.
+        """The point with the same parameters and much weaker accelerations; None if its filter leaves the record.
 
-        An unstable vehicle that hardly anything may push leaves the record, and its slopes then tell nothing.
-        which: of the accelerations, by default all but those of a swell, which take no steady effect's part.
+        With hardly any process noise, an unstable vehicle leaves the record, and its slopes hold no information.
+        which: the weakened accelerations, (D,) bool; by default all but a swell's, which absorb no steady effect.
         """
         which = ~self.swells if which is None else which
         count, pushed = len(self.channels), len(self.pushed)
@@ -169,9 +175,9 @@ class PredictionErrors(Noises):
         return self._if_it_follows(here, logs)
 
     def hurried(self, here: Point) -> Point | None:
-        """The same parameters, accelerations that last taken for brief ones of the likeliest strengths.
+        """The point with the same parameters and brief accelerations instead of lasting ones, of likeliest strengths.
 
-        None where nothing lasts, or the filter loses its way.
+        None if no acceleration lasts, or if the filter leaves the record.
         """
         lasting = np.flatnonzero(self.lasting(here))
         if here.system is None or not lasting.size:
@@ -181,28 +187,28 @@ class PredictionErrors(Noises):
         return self._if_it_follows(here, logs)
 
     def lasting(self, here: Point) -> np.ndarray:
-        """Which accelerations of a point last longer than the vehicle's own motions do, (D,).
+        """Which accelerations of a point last longer than the vehicle's own motions, (D,).
 
-        What lasts takes a steady effect's part, which what is brief cannot.
+        Unlike brief accelerations, lasting ones can absorb a steady effect.
         """
         return self.pushes(here) & (here.logs[len(self.channels) + len(self.pushed) :] > self.slowness[0])
 
     def _if_it_follows(self, here: Point, logs: np.ndarray) -> Point | None:
-        """A point with other noises, None where its filter does not follow the record as that of the point does."""
+        """The point with other noises, or None if its filter does not follow the record as well as the point's own."""
         there = self.point(here.vector, logs, here)
         if here.system is None or not np.isfinite(there.scores).all() or not self._keeps_to(there, here.system):
             return None
         return there
 
     def renewed(self, point: Point, logs: np.ndarray, paths: Sequence[str]) -> Point:
-        """The parameters of a point with the noises that suit them best, sought from some that may, or its own."""
+        """The point with the likeliest noises for its parameters, sought from given ones, or else from its own."""
         there = self._renewed(self.point(point.vector, logs, point), paths, NOISE_STEPS)[0]
         if self.objective(point, paths) > self.objective(there, paths):
             there = self._renewed(point, paths, NOISE_STEPS)[0]
         return there
 
     def _further(self, here: Point, there: Point, paths: Sequence[str], gain: float) -> Point:
-        """The point at the end of a step, or further the same way, twice as far each time, while that brings more."""
+        """The point at the end of a step, which is doubled as long as the objective rises by more than `gain`."""
         way, length = there.vector - here.vector, 1.0
         for _ in range(_DOUBLINGS):
             length *= 2.0
@@ -214,10 +220,11 @@ class PredictionErrors(Noises):
         return there
 
     def _quieter(self, here: Point, paths: Sequence[str]) -> Point:
-        """The point that is reached if what pushes the vehicle is taken for much weaker at first, or for brief.
+        """The point that a fit reaches from much weaker accelerations, or from brief ones, if it is likelier.
 
-        Where an effect was missing, accelerations have grown to take its part, and would leave little of it to find.
-        Where the parameters then leave each row far less likely, they are needed: better noises would bring them back.
+        If an effect was missing, accelerations have grown to absorb it, and would leave little of it to find.  If each
+        row is far less likely after the fit of the parameters, the accelerations are needed: a fit of the noises would
+        only bring them back.
         """
         for taken, brief in ((self.quieted, False), (self.hurried, True)):
             quiet = taken(here)
@@ -234,7 +241,7 @@ class PredictionErrors(Noises):
     def _renewed(
         self, here: Point, paths: Sequence[str], steps: int, known: np.ndarray | None = None
     ) -> tuple[Point, np.ndarray]:
-        """The point with better noises, or itself, and their curvature; known: that of a point near by."""
+        """The point with better noises, or itself, and their inverse curvature; known: that of a nearby point."""
         about = self._about_itself(here)
         logs, known = self.better_noise(about, steps, known)
         if np.array_equal(logs, here.logs):
@@ -243,9 +250,9 @@ class PredictionErrors(Noises):
         return (there if self.objective(there, paths) > self.objective(here, paths) else here), known
 
     def _about_itself(self, here: Point) -> Point:
-        """The point linearised about its own path: what noises suit another path says nothing of it.
+        """The point linearised about its own path, since noises that suit another path need not suit this one.
 
-        A step with the gains held leaves a point whose slopes are those of where it began.
+        A point at the end of a step with the gains held has the slopes of the step's beginning.
         """
         if here.system is None or here.system.vector is None or np.array_equal(here.system.vector, here.vector):
             return here
@@ -253,7 +260,7 @@ class PredictionErrors(Noises):
         return here if fresh.system is None else fresh
 
     def standard_errors(self, plant: Plant, paths: Sequence[str], noise: Noise) -> dict[str, float]:
-        """Standard error of each path, in its unit, all of them fitted, these noises known; infinite if untold."""
+        """Standard error of each path, in its unit, all fitted, with known noises; infinite if undetermined."""
         point = self.point(plant.vector, self.logs_of(noise))
         _, flat = self.own_slopes(point, paths)
         normal = flat @ flat.T + np.diag(self.pulls(point.vector, paths)[1] ** 2)
@@ -263,7 +270,7 @@ class PredictionErrors(Noises):
         return {p: float(e * self.scale(p)) if e > 0.0 else np.inf for p, e in zip(paths, errors, strict=True)}
 
     def online(self, point: Point, memory: float) -> FilterPlan:
-        """The filter of a point for samples that come one by one; each row must be a sample."""
+        """The filter of a point as a plan for samples that arrive one by one; each row must be a single sample."""
         assert self.stride == 1
         assert point.system is not None
         solid, states = len(self.live), len(self._shared)

@@ -1,4 +1,4 @@
-"""How the errors of a filter move with parameters and initial states, and steps of both that make them least."""
+"""Sensitivities of a filter's errors to parameters and initial states, and least-squares steps of both."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from identification.fit.linearised import at_once
 from identification.fit.parameters import jumps, moves_of
 from identification.fit.responses import Responses
 
-_NO_START = 1e-9  # of the slopes by starts, below which one does nothing
-_START_STEP = 1e-3  # of the probe of a state, over which slopes by starts are taken: as true as those by parameters
-_DAMPING = 1e-5  # of the information, so that no step goes far where the record tells next to nothing
-_TRIES, _TIGHTER = 6, 30.0  # of a step, and how much more it is damped each time
+_NO_START = 1e-9  # norm of the slopes by an initial state, over the largest one (or 1), below which it has no effect
+_START_STEP = 1e-3  # step of an initial state, over its probe: slopes as accurate as those by parameters
+_DAMPING = 1e-5  # over the information, so that no step goes far where the record holds next to no information
+_TRIES, _TIGHTER = 6, 30.0  # tries of a step, and the factor of the damping from one try to the next
 _DESCENTS = 3  # steps of the parameters with the same gains
-_AWAY = 1e100  # a slope of a run that has run away: its square would be no number
-_ENOUGH = 10.0  # deviations of the noise by which a free run changes, from which on more counts the same
+_AWAY = 1e100  # a slope of a run that has diverged: the square of a larger one would not be finite
+_ENOUGH = 10.0  # change of a free run, in deviations of the noise, above which a larger one counts the same
 _BESIDE = (0.001, 0.003, 0.01, 0.02, 0.04, 0.06, 0.08, 0.1)
-_NEAR_JUMPS = (*(1.0 - b for b in _BESIDE), *(1.0 + b for b in _BESIDE))  # of a size, tried beside what jumps with it
-_MANY = 8  # coefficients of a fit, from which on it saves time to hold how the vehicle answers them
-NOTHING = 1e-4  # deviations of all readings together: a path that moves them by less over a scale does nothing
-LEAST_GAIN = 0.005  # of the log-likelihood, that a turn must bring for a fit to go on
-TRIAL_GAIN = 0.1  # the same, of a fit that is compared with others: a tie is 4.5 wide
+_NEAR_JUMPS = (*(1.0 - b for b in _BESIDE), *(1.0 + b for b in _BESIDE))  # factors tried for an effect with jumps
+_MANY = 8  # fewest fitted coefficients for which keeping their responses saves time
+NOTHING = 1e-4  # norm of the slopes by a path, in deviations per scale, below which the path has no effect
+LEAST_GAIN = 0.005  # least gain of log-likelihood by an iteration for a fit to continue
+TRIAL_GAIN = 0.1  # the same for a fit that is compared with others: two are tied within 4.5
 
 
 class Sensitivities(Followed):
-    """How the errors of a filter move with parameters and with where stretches begin, the gains held."""
+    """Sensitivities of a filter's errors to parameters and to the initial states of stretches, with the gains held."""
 
     @property
     def _held_first(self) -> np.ndarray:
-        """Which stretches begin with rows that do not count, (W,): these alone tell how they begin."""
+        """Which stretches begin with rows that do not count, (W,); such rows alone determine their initial states."""
         return self.counted[self.offsets] == 0.0
 
     def columns_of(
@@ -44,8 +44,8 @@ class Sensitivities(Followed):
     ) -> np.ndarray:
         """Slopes of the predictions, over the errors' deviations, (P, rows, C), for paths moved by steps in scales.
 
-        One call for all: the vehicle is run with the filter's gains and each parameter moved.  vector: one from which
-        they are moved that predicts the same as the point's.
+        The vehicle is run with the filter's gains for each moved parameter, all in one call.
+        vector: the vector to move from, if not the point's; it must predict the same.
         """
         if not moves:
             return np.zeros((0, *self.measured.shape))
@@ -59,7 +59,7 @@ class Sensitivities(Followed):
         return self._kept.of(point, self._keys(moves), make)
 
     def keep_columns(self, point: Point, moves: Sequence[tuple[str, float]], columns: np.ndarray) -> None:
-        """Let slopes of a point that are known from elsewhere, (P, rows, C), be those that `columns_of` gives."""
+        """Keep slopes of a point that were computed elsewhere, (P, rows, C); `columns_of` then returns them."""
         self._kept.keep(point, dict(zip(self._keys(moves), columns, strict=True)))
 
     def _keys(self, moves: Sequence[tuple[str, float]]) -> list[tuple[int, str, float, float]]:
@@ -70,7 +70,7 @@ class Sensitivities(Followed):
         return KeptSlopes()
 
     def _changes(self, point: Point, vectors: np.ndarray, starts: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """By how much predictions change, per step and over the errors' deviations, (S, rows, C)."""
+        """Changes of the predictions, over the steps and the errors' deviations, (S, rows, C)."""
         found, before = np.empty((len(vectors), *self.measured.shape)), self.measured - point.innovations
         for some in at_once(len(vectors), self.every.size):
             own = starts[some] if starts.ndim == 3 else starts
@@ -82,14 +82,14 @@ class Sensitivities(Followed):
         return found
 
     def counted_slopes(self, point: Point, paths: Sequence[str]) -> np.ndarray:
-        """Slopes by the paths of the errors that count, (P, rows * C)."""
+        """Slopes of the counted predictions by the paths, (P, rows * C)."""
         return self.counted_flat(self.columns_of(point, moves_of(paths)))
 
     def own_slopes(self, point: Point, paths: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-        """Slopes by the paths of the errors that count, and what starts cannot imitate of them, (P, rows * C) both.
+        """Slopes of the counted predictions by the paths, and their part without initial states, (P, rows * C) both.
 
-        By central differences: what those to one side are off by looks like what starts cannot imitate, along a
-        vehicle that turns away from its course.
+        The second is the part that initial states cannot imitate.  The differences are central: for a vehicle that
+        turns away from its course, the error of one-sided ones would look like such a part.
         """
         moves = moves_of(paths)
         back = self.columns_of(point, [(path, -step) for path, step in moves])
@@ -98,15 +98,15 @@ class Sensitivities(Followed):
         return slopes, slopes - (slopes @ basis) @ basis.T
 
     def without_starts(self, point: Point, slopes: np.ndarray, soon: bool = False) -> np.ndarray:
-        """What the stretches' starts cannot imitate of slopes, (P, rows * C).
+        """The part of slopes, (P, rows * C), that the initial states of the stretches cannot imitate.
 
-        soon: with columns of the starts by the linearised filter, as true as slopes by responses are.
+        soon: use slopes by initial states from the linearised filter, which are as accurate as slopes by responses.
         """
         basis = self._basis(self._starts_for_steps(point)[0]) if soon else self.start_basis(point)
         return slopes - (slopes @ basis) @ basis.T
 
     def free_sensitivity(self, point: Point, paths: Sequence[str]) -> np.ndarray:
-        """By how many deviations of the sensors' noise free runs change for a scale of each path, root sum square."""
+        """Change of free runs for a scale of each path, (P,): root sum square over readings, in sensor deviations."""
         deviations = np.sqrt(self._numbers(point.logs)[0])
         free = replace(
             point,
@@ -118,14 +118,14 @@ class Sensitivities(Followed):
             whiten=(self.finite * np.sqrt(self.counts))[:, :, None] * np.diag(1.0 / deviations),
         )
         columns = self.columns_of(free, moves_of(paths))
-        # a free run that is unstable says no more by running away further
+        # the distance to which an unstable free run diverges holds no information
         return np.sqrt((np.minimum(np.abs(columns), _ENOUGH) ** 2).sum(axis=(1, 2)))
 
     def start_basis(self, point: Point) -> np.ndarray:
-        """An orthonormal basis, (rows * C, m), of what the stretches' starts can do to the errors that count.
+        """An orthonormal basis, (rows * C, m), of the counted errors' changes by initial states of the stretches.
 
-        Starts are fitted: with what they imitate taken out of the slopes of parameters, it makes no difference how far
-        the filter lets them be off.
+        Initial states are fitted.  With the part that they imitate taken out of the parameters' slopes, the filter's
+        initial covariance makes no difference.
         """
         return self._basis(self._run_starts(point)[0])
 
@@ -138,12 +138,12 @@ class Sensitivities(Followed):
 
     @staticmethod
     def _told_starts(columns: np.ndarray) -> np.ndarray:
-        """Which starts do anything to the errors, by their columns, (m, rows * C)."""
+        """Which initial states have an effect on the errors, (m,), from their slopes, (m, rows * C)."""
         size = np.linalg.norm(columns, axis=1)
         return size > _NO_START * max(float(size.max(initial=0.0)), 1.0)
 
     def _run_starts(self, point: Point, side: float = 1.0) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
-        """Columns of the starts by the vehicle itself; see `_by_start`.  side: 1, or -1 for steps back."""
+        """Slopes by the initial states from runs of the vehicle; see `_by_start`.  side: 1, or -1 for steps back."""
         probes = side * _START_STEP * self._probes(self.live)
 
         def make(which: Sequence[int]) -> np.ndarray:
@@ -157,9 +157,10 @@ class Sensitivities(Followed):
         return self._by_start(self._kept.of(point, keys, make))
 
     def _starts_for_steps(self, point: Point) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
-        """Columns of the starts for steps: by the linearised filter, which is soon made, where it is true enough.
+        """Slopes by the initial states for steps: by the linearised filter, which is fast, if it is accurate enough.
 
-        What goes on from stretch to stretch is felt long after, where the vehicle is no longer on the filter's path.
+        If a state continues from stretch to stretch, its initial value acts long after, when the vehicle is no longer
+        on the filter's path.  The slopes are then from runs of the vehicle.
         """
         if self.carried.any():
             return self._run_starts(point)
@@ -168,10 +169,10 @@ class Sensitivities(Followed):
         return self._by_start(start_slopes(point.system, *numbers))
 
     def _by_start(self, columns: np.ndarray) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
-        """Columns of errors that count by each start, (m, rows * C), and which stretches and state each is of.
+        """Slopes of the counted predictions by each initial state, (m, rows * C), and its stretches and state.
 
-        columns: (n, rows, C), by the live states, each moved where any stretch begins.  A state that nobody knows is
-        one for all stretches in which it goes on.
+        columns: (n, rows, C), slopes by the live states, each moved at the beginning of every stretch.  An unknown
+        constant has one initial state for all the stretches through which it continues.
         """
         columns, states = columns * self._root, len(self._shared)
         anew, own = np.cumsum(~self.carried), np.arange(len(self.stretches))
@@ -186,13 +187,14 @@ class Sensitivities(Followed):
 
     @staticmethod
     def is_answered(point: Point) -> bool:
-        """Whether responses to coefficients are held with a point."""
+        """Whether a point has responses to coefficients."""
         return point.system is not None and point.system.responses is not None
 
     def prepared(self, point: Point, paths: Sequence[str], anew: bool = False) -> Point:
-        """The point with responses to those coefficients among paths, if they are many: `descended` is then quick.
+        """The point with responses to the coefficients among the paths, if these are many; `descended` is then fast.
 
-        Those of a point farther away will do, unless they are taken anew.
+        Responses to the same coefficients that the point already has are kept, even if from farther away.
+        anew: compute them at this point in any case.
         """
         many = [p for p in paths if p in self.plant.doubted]
         if len(many) < _MANY or point.system is None or self.carried.any():
@@ -204,7 +206,7 @@ class Sensitivities(Followed):
         return replace(point, system=replace(point.system, responses=responses))
 
     def soon_slopes(self, point: Point, paths: Sequence[str]) -> np.ndarray:
-        """Slopes by the paths of the errors that count, by responses where a point has any; (P, rows * C)."""
+        """Slopes of the counted predictions by the paths, (P, rows * C), by responses where the point has them."""
         known = None if point.system is None else point.system.responses
         many = [] if known is None else [p for p in paths if p in known.paths]
         if not many or known is None:
@@ -217,9 +219,9 @@ class Sensitivities(Followed):
         return self.counted_flat(found)
 
     def changing_slopes(self, point: Point, paths: Sequence[str], shares: np.ndarray) -> np.ndarray | None:
-        """Slopes by coefficients that change by shares in each row, (rows,), by responses; None where none are known.
+        """Slopes by coefficients that change by shares in each row, (rows,), by responses; None without responses.
 
-        The same as those of the vehicle itself to what responses are off by, at hardly any cost.
+        They equal those from runs of the vehicle up to the error of the responses, and cost next to nothing.
         """
         known = None if point.system is None else point.system.responses
         if known is None or not set(paths) <= set(known.paths):
@@ -228,16 +230,16 @@ class Sensitivities(Followed):
         return self.slopes_by(point, replace(later, onward=later.onward * shares, seen=later.seen * shares))
 
     def partly(self, point: Point, path: str, shares: np.ndarray) -> Responses:
-        """Responses to a path that changes by shares in each row, (P, rows)."""
+        """The responses to a path that changes by shares in each row, (P, rows)."""
         whole = self._responses(point.vector, point.path, (path,))
         shares = shares.T[:, None]
         return Responses((path,) * shares.shape[2], whole.onward * shares, whole.seen * shares)
 
     def pushed_by(self, point: Point, axis: int, laws: np.ndarray) -> Responses:
-        """Responses to accelerations, or lasting errors, of the `axis`-th kind that follow laws, (P, rows).
+        """The responses to accelerations, or lasting sensor errors, of the `axis`-th kind that follow laws, (P, rows).
 
-        Of a point with a system; an acceleration is that of a row until the next one begins.  A reading errs by what a
-        law was a row before: states and commands of its own row have been told by it.
+        point: one with a system.  An acceleration holds from its row to the next one.  A sensor error follows the law
+        one row late, since the reading has influenced the states and the commands of its own row.
         """
         assert point.system is not None
         if self.misread[axis]:
@@ -247,13 +249,13 @@ class Sensitivities(Followed):
         return Responses(("",) * laws.shape[2], moved * laws, seen * laws)
 
     def slopes_by(self, point: Point, responses: Responses) -> np.ndarray:
-        """Slopes of the predictions by what has these responses, (P, rows, C), of a point with a system."""
+        """The slopes of the predictions that follow from responses, (P, rows, C).  point: one with a system."""
         assert point.system is not None
         numbers = (point.gains, point.whiten, self._numbers(point.logs)[2])
         return driven_slopes(point.system, *numbers, responses)
 
     def _jumped(self, here: Point, paths: Sequence[str]) -> Point:
-        """The likeliest of sizes near by of what changes by jumps: no slope leads there."""
+        """The point with the likeliest nearby sizes of effects with jumps, which slopes cannot find."""
         for path in filter(jumps, paths):
             k, tried = self.index[path], [here]
             for share in _NEAR_JUMPS:
@@ -265,7 +267,10 @@ class Sensitivities(Followed):
         return here
 
     def descended(self, here: Point, paths: Sequence[str], iterations: int = _DESCENTS) -> Point:
-        """The point of least squared errors over paths and starts, the filter's gains held; Levenberg and Marquardt."""
+        """The point of least squared errors over paths and initial states, with the filter's gains held.
+
+        The iterations are those of Levenberg and Marquardt.
+        """
         if here.system is None:
             return here
         here, paths = self._jumped(here, paths), [p for p in paths if not jumps(p)]

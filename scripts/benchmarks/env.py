@@ -1,4 +1,4 @@
-"""How fast the environments are: one, many, and their start, beside other environments in the same run."""
+"""Speed of the environments: one, many, and their start, compared with other environments in the same run."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """Time of one predictive control step.
 
-A plan of 30 samples with 10 moves of two planes for the NPS AUV, within limits of planes, their rates and the pitch, on
-its own linear form; the target of depth steps up and down, so that limits are met.  Prints the median and the 99th
-percentile of a whole step and of its quadratic programs, and what scipy's SLSQP takes for the same programs in the same
-run, with the largest difference between the two plans' first moves.
+The plan has 30 samples with 10 moves of two planes, for the NPS AUV on its own linear form, within limits of the
+planes, their rates and the pitch. The depth target steps up and down, so that limits become active. The output is the
+median and the 99th percentile of the time of a whole step and of its quadratic program, the time of scipy's SLSQP for
+the same programs in the same run, and the largest difference between the first moves of the two plans.
 """
 
 from __future__ import annotations

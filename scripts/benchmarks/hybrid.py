@@ -1,4 +1,4 @@
-"""How long a step of an environment takes whose vehicle has a learned hull, beside the hull's own coefficients."""
+"""Time of an environment's step for a vehicle with a learned hull, compared with the hull's own coefficients."""
 
 from __future__ import annotations
 

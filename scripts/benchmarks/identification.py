@@ -1,6 +1,7 @@
-"""How fast and how good linear identification is, on two known systems, beside other packages on the same arrays.
+"""Speed and accuracy of linear identification on two known systems, compared with other packages on the same arrays.
 
-Each package runs in a process of its own, the others in an environment of their own each: ours needs none of them.
+Each package runs in a process of its own. The others have an environment of their own each, since ours needs none of
+them.
 """
 
 from __future__ import annotations

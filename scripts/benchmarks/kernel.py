@@ -1,6 +1,6 @@
-"""How fast and how good kernel regression is, beside scikit-learn, on the forces on a torpedo's hull.
+"""Speed and accuracy of kernel regression, compared with scikit-learn, on the forces on a torpedo's hull.
 
-Every section runs in a process of its own for each package, on the same arrays; ours needs none of the others.
+Each package runs every section in a process of its own, on the same arrays; ours needs none of the others.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How fast the recursions for a float's diving model are, over a record and sample by sample."""
+"""Speed of the recursions for a float's diving model, over a record and sample by sample."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How fast an agent learns in our environments, beside the same agent in Gymnasium's pendulum in the same run."""
+"""Learning speed of an agent in our environments, compared with the same agent in Gymnasium's pendulum."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How fast a plant runs free, compiled against plain Python."""
+"""Speed of a plant's free runs, compiled and in plain Python."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The blind side of the benchmark: it diagnoses logs, given only a folder with a log and a vehicle file each.
+"""The blind side of the benchmark: diagnose logs, given only a folder with a log and a vehicle file for each.
 
     python -m scripts.blind.diagnosing FOLDER ...
 

@@ -1,11 +1,11 @@
-"""N4SID on the pool log of a glider at -15 deg of rudder, cross-checked at -30 deg, beside what else can be fitted.
+"""N4SID on the pool log of a glider at -15 deg of rudder, cross-validated at -30 deg, compared with other methods.
 
     python -m scripts.reproduce.glider_n4sid --seeds 50 --jobs 2 --out glider_n4sid
 
-The logs are not published. The vehicle is the preset `ganeshblue_corrected`, equation (15), which has no rudder lag; a
-log is 30 s of zero rudder and 120 s at one angle, read once a second by a compass with white noise, to 0.1 deg, within
-half a turn of north, and the turn goes through south. No ramp is straightened. The zeros are needed: a horizon of h
-samples asks for 2 h before the step, so that each future input is once seen on either side of it.
+The logs are not published. The vehicle is the preset `ganeshblue_corrected`, equation (15), which has no rudder lag. A
+log has 30 s of zero rudder and 120 s at one angle. A compass reads the heading once a second, with white noise, to
+0.1 deg, within half a turn of north; the turn passes through south. No ramp is straightened. The zeros are needed: a
+horizon of h samples needs 2 h samples before the step, so that each future input occurs on either side of it.
 
 Source: Putri, Latifa, Trilaksono and Hidayat, "Modelling and Identification of Underwater Glider for Heading Angle
 Correction": section IV, figures 6 to 8 and 10 and 11.

@@ -2,9 +2,9 @@
 
     python -m scripts.reproduce.s_plane --seeds 20 --jobs 2 --out s_plane
 
-Surge from rest to 1.5 m/s; heading to 50 deg for 40 s, then back to 0; depth from 5 m to 10 m for 40 s, then back to
-5 m; the last two at the speed of 3.5 V. Each run holds the other two channels with the same autopilot. Every seed
-draws a current, and noise for all sensors; the three controllers meet the same ones. What is judged is the true motion.
+Surge goes from rest to 1.5 m/s; heading to 50 deg for 40 s, then back to 0; depth from 5 m to 10 m for 40 s, then back
+to 5 m. The last two are at the speed of 3.5 V. In each run the same autopilot holds the other two channels. Every seed
+draws a current, and noise for all sensors, the same for the three controllers. Errors are those of the true motion.
 
 Source: Xu, Zou, Yin and Cao 2013, Ocean Engineering 67, section 5.3, table 4, figures 11 to 16.
 """

@@ -1,10 +1,10 @@
-"""Changes between missions of vehicles, in one of three logs, and within a log: how often they are named.
+"""How often diagnoses name changes between two missions, in some of three logs, and within a log.
 
     python -m scripts.studies.changes --seeds 40 --jobs 2 --out changes
     python -m scripts.studies.changes --case 'log: *' --vehicle npsauv --seeds 4 --jobs 2 --out onsets
 
-Vehicle (a glider or a float where none is asked for), effect, noise and excitation are drawn from the seed.  Effects
-have 3 to 6 times the size that the part of a log with them would just show.
+The seed draws the vehicle (a glider or a float unless --vehicle is given), effect, noise and excitation.  An effect has
+3 to 6 times the size that is just detectable in the part of a log that it acts in.
 """
 
 from __future__ import annotations

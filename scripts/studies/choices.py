@@ -1,12 +1,12 @@
-"""Do names in measured logs depend on choices that should not matter?
+"""Whether the names in measured logs depend on choices that should not matter.
 
     python -m scripts.studies.choices --data DIR --out choices
     python -m scripts.studies.choices --data DIR --case 'slocum:*' --out choices
 
-Each log of `scripts.real_logs` that is diagnosed as it is read is diagnosed as a whole and then again with other
-lengths of free runs, without its first or last tenth, without its first few samples, by halves, and with more or less
-doubt of the coefficients.  A name of the whole log is kept where one of its tie is named again, and is new where it
-stands in no tie of the whole.
+Every log of `scripts.real_logs`, except those of the BlueROV2 Heavy, is diagnosed as a whole and then again: with other
+lengths of free runs, without its first or last tenth, without its first few samples, by halves, and with less or more
+doubt of the coefficients.  A name of the whole log counts as kept if the effect, or one tied with it, is named again.
+All other names are new.
 """
 
 from __future__ import annotations

@@ -1,12 +1,11 @@
-"""Which methods are biased by feedback: pitch held by a PID, PRBS at the plane, a coloured disturbance, many seeds.
+"""Which methods are biased by feedback: pitch under a PID, PRBS at the plane, a coloured disturbance, many seeds.
 
     python -m scripts.studies.closed_loop --seeds 50 --jobs 2 --out closed_loop
 
-The truth is the pitch of a torpedo's linear form, so that its poles and its response are known. Each seed is one record
-in closed loop and one in open loop, of which the first part and the whole are fitted by every method with the right
-orders. A bias is a mean error over the seeds that is larger than 1 % of a response, or 0.01 of a pole, by more than its
-standard error explains; with more samples it stays, where scatter shrinks. A vehicle that is unstable by itself has no
-open loop.
+The truth is the pitch of a torpedo's linear form, so that its poles and its response are known. Each seed gives one
+record in closed loop and one in open loop. Every method fits the first part of each and all of it, with the right
+orders. A bias is a mean error over the seeds that is significantly larger than 1 % of a response, or 0.01 of a pole.
+With more samples a bias remains, while the scatter shrinks. An unstable vehicle has no open loop.
 """
 
 from __future__ import annotations

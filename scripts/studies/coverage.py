@@ -1,9 +1,10 @@
-"""How often the 95 % intervals of linear fits hold the truth, over many records of systems that are known.
+"""How often the 95 % intervals of linear fits contain the truth, over many records of known systems.
 
     python -m scripts.studies.coverage --seeds 500 --samples 1000 --jobs 2 --out coverage
 
-Each method has the orders of its system. Judged are the intervals of coefficients, and of the refined state space those
-of its poles and of gain and phase of its responses: the share of records in which each holds the true value.
+Each method has the orders of its system. The study counts the share of records in which each interval contains the true
+value. The intervals are those of the coefficients and, for the refined state space, those of the poles and of gain and
+phase of the responses.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
-"""How often the 95 % intervals of depth-averaged currents hold the truth, over simulated dives between GPS fixes.
+"""How often the 95 % intervals of depth-averaged currents contain the truth, over simulated dives between GPS fixes.
 
     python -m scripts.studies.currents --seeds 40 --out currents
 
-A seed is a mission of a `seaglider` in a current, whose drag, lift slope and volume are not those of the model; the
-three are fitted as a diagnosis does that names a volume bias.  Water moves up and down at random.  Fixes, compass and
-the drift at the surface err as `auv_gym.plant.currents` takes them to; how long the glider is afloat is drawn.
+A seed is a mission of a `seaglider` in a current. Its drag, lift slope and volume differ from those of the model; all
+three are fitted, as in a diagnosis that names a volume bias. The water moves up and down at random. The fixes, the
+compass and the drift at the surface have the errors that `auv_gym.plant.currents` assumes. The time that the glider is
+afloat is drawn.
 """
 
 from __future__ import annotations

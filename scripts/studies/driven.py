@@ -1,15 +1,14 @@
-"""Vehicles on missions that are simulated by code of its own: what is named in their logs, and what beside it.
+"""Diagnoses of vehicles on missions that independent code simulates: right, wrong and missing names.
 
     python -m scripts.studies.driven --seed 9900 --jobs 2 --out driven
     python -m scripts.studies.driven --case 'torpedo*' --seed 9950 --jobs 2 --out torpedo
 
-`bluerov2_heavy` is driven by hand, with damping that is 10 % off (standard deviation); in all but the first case random
-pushes of 0.6 N and 0.03 N m act on it, with a correlation time of 1.5 s; see `scripts.blind.own_rov`.  `vt690`, the
-torpedo, follows legs and depths by its own loops, with all coefficients 10 % off; random accelerations of 0.01 m/s^2
-and 0.3 to 0.6 deg/s^2 push it, with a correlation time of 3 s, and in some cases a swell of 6 s, as strong; in others
-its compass wanders by 0.03 rad, or its Doppler log swings by 0.03 m/s with waves that move nothing else; see
-`scripts.blind.own_cruise`.  Either is in a current that nobody declared, and some have one more effect.  Logs of 300 s
-at 10 Hz have attitude, rates, speeds over ground at 5 Hz, depth and commands.
+`bluerov2_heavy` is driven by hand (`scripts.blind.own_rov`); its damping is 10 % off (standard deviation).  `vt690`, a
+torpedo, follows legs and depths (`scripts.blind.own_cruise`); all its coefficients are 10 % off.  Both are in an
+undeclared current, and some have one more effect.  In all but one case of each, random pushes act: 0.6 N and 0.03 to
+0.045 N m for 1.5 s (correlation time) on the first, 0.01 m/s^2 and 0.3 to 0.6 deg/s^2 for 3 s on the torpedo, which may
+also be in an equally strong swell of 6 s, or have a compass that wanders by 0.03 rad, or a Doppler log that oscillates
+by 0.03 m/s.  Logs of 300 s at 10 Hz hold attitude, rates, speeds over ground at 5 Hz, depth and commands.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
-"""What excitation tells about the depth model of npsauv: every design at the same amplitude and length, in one table.
+"""The information that excitation gives on the depth model of npsauv: a table of designs of equal amplitude and length.
 
     python -m scripts.studies.excitation --out excitation
 
-The vertical plane in closed loop, as in the first paper: `auv_gym/Depth-v0` sampled every 4 s for 600 s, pitch read to
-0.1 deg, the tuned PID autopilot at work, and a signal added at the stern plane and another at the bow plane. What is
-counted is the normal matrix of the regressors of the ARX depth model with na 3, nb 2 and nk 1: three past depths in
-hull lengths, two past commands of each plane in fin stops, all about their means, per sample. Its smallest eigenvalue
-is what the run tells about the combination of coefficients of which it tells least; the error of that combination is
-the standard deviation of the equation error over the square root of samples times eigenvalue. Depths are the true ones:
+The setting is the vertical plane in closed loop, as in the first paper: `auv_gym/Depth-v0` sampled every 4 s for 600 s,
+pitch read to 0.1 deg, the tuned PID autopilot, and a signal added at each of the stern and the bow plane. The measure
+is the normal matrix, per sample, of the regressors of the ARX depth model with na 3, nb 2 and nk 1, about their means:
+three past depths in hull lengths and two past commands of each plane in fin stops. Its smallest eigenvalue is the
+information on the least determined combination of coefficients; the standard error of that combination is the standard
+deviation of the equation error over the square root of samples times eigenvalue. The depths are the true ones, since
 noise in past depths would count as excitation.
 """
 

@@ -1,10 +1,10 @@
-"""Gains that `auv-gym tune` finds against those set by hand, on vehicles and noise that no tuning has seen.
+"""Gains tuned by `auv-gym tune` compared with gains set by hand, on vehicles and noise unseen in tuning.
 
     python -m scripts.studies.gains --out gains
 
-By hand: by the rules with which a search begins, the linear-quadratic regulators of a torpedo and the placed poles of a
-vehicle that hovers. Least cost: the gains of the presets, tuned without requirements. Tuned: with sensitivity_peak<=2.
-Each seed draws the vehicles and the noise anew.
+"By hand" are the gains with which a search begins: linear-quadratic regulators for a torpedo, placed poles for a
+vehicle that hovers. "Least cost" are the gains of the presets, tuned without requirements. "Tuned" are gains tuned with
+sensitivity_peak<=2. Each seed draws new vehicles and noise.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""The common frame of studies: from data and a function of a case and a seed to a command line, tables and pictures.
+"""The common frame of studies: from data and a function of case and seed to a command line, tables and pictures.
 
     python -m scripts.studies.NAME --seeds 20 --jobs 2 --out FOLDER
 
-With --out every finished run is a file in FOLDER/runs, and the same command resumes where it was stopped; tables are
-written as results.md and CSV files, pictures as PNG.  Without it the tables are printed and nothing is stored.
+With --out, every finished run is a file in FOLDER/runs, and the same command resumes a study that was stopped. Tables
+are written as results.md and CSV files, pictures as PNG. Without --out, the tables are printed and nothing is stored.
 """
 
 from __future__ import annotations

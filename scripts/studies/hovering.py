@@ -1,9 +1,9 @@
-"""How vehicles with thrusters are steered by their autopilots: steps, currents, and lost thrusters.
+"""Performance of autopilots on vehicles with thrusters: steps, currents, and lost thrusters.
 
     python -m scripts.studies.hovering --out hovering
     python -m scripts.studies.hovering --vehicle bluerov2_heavy
 
-A step is to 5 % of its size; errors are those of the true position, the largest from 5 s on, sensors without noise.
+A step has settled within 5 % of its size.  Errors are those of the true position.  Sensors have no noise.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""Vehicles against models identified from them, in the environment: the same controller, the same seeds.
+"""Vehicles compared with models identified from them, in the environment, with the same controller and seeds.
 
     python -m scripts.studies.identified_rollouts --seeds 5 --jobs 2 --out rollouts
 
-For each vehicle and seed: an experiment in closed loop with noisy sensors and PRBS at the actuators and the set point;
-ARMAX, N4SID with refinement and a grey box fitted to it; then an episode of steps with the vehicle, and with each model
-in its place. The grey box begins from coefficients that are 15 % off, which run along as "not identified".
-A deviation is the root mean square of the model's reading less the vehicle's, in percent of the step.
+For each vehicle and seed there is an experiment in closed loop, with noisy sensors and PRBS at the actuators and the
+set point. ARMAX, refined N4SID and a grey box are fitted to it. Then the vehicle, and each model in its place, runs
+through an episode of steps. The grey box begins from coefficients that are 15 % off; these also run, as "not
+identified". A deviation is the RMS of the model's reading minus the vehicle's, in percent of the step.
 """
 
 from __future__ import annotations

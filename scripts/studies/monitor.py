@@ -1,10 +1,10 @@
-"""The monitor: false alarms in clean logs, delays of alarms beside a CUSUM that knows the fault, and samples a second.
+"""The monitor: false alarms in clean logs, delays of alarms compared with a CUSUM that knows the fault, and its speed.
 
     python -m scripts.studies.monitor --case 'delay*' --seeds 20 --out monitor
 
-Faults begin in the middle of a log whose commands are those of the standard experiment.  The size of each is such that
-it moves the innovations by 0.2 to 1 of their deviations, root mean square.  The CUSUM knows from each sample to the
-next by how much, and its bar is of the same rate of false alarms.
+A fault begins in the middle of a log with the commands of the standard experiment. Its size is such that it moves the
+innovations by 0.2 to 1 of their standard deviations (RMS). The CUSUM knows this movement at each sample, and its
+threshold has the same rate of false alarms.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Where a nonlinear black box is worth it: free runs of NARX LS-SVM, ARX and ARMAX over records of four systems.
+"""Where a nonlinear black box pays: free runs of NARX LS-SVM, ARX and ARMAX over records of five systems.
 
     python -m scripts.studies.narx --seeds 3 --jobs 2 --out narx
 
-Each seed is a record to fit and another without noise to judge by; every model has the same inputs and outputs. A
-method's number is that of its lags; "one step" is tuned by leave-one-out errors in place of free runs.
+Each seed gives one record to fit and another without noise for the free runs. All models have the same inputs and
+outputs. The number in a method's name is n_a. "One step" means tuned by leave-one-out errors instead of free runs.
 """
 
 from __future__ import annotations

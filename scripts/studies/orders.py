@@ -1,9 +1,9 @@
-"""Which orders each criterion chooses on a system of known orders: ARMAX(4, 4, 2) of the benchmark, over many seeds.
+"""Orders chosen by each criterion on a system of known orders: ARMAX(4, 4, 2) of the benchmark, over many seeds.
 
     python -m scripts.studies.orders --seeds 50 --samples 10000 --jobs 2
 
-Every seed is a record of its own, with a coloured disturbance of 10 %, searched over n_a from 3 to 6, n_b from 2
-to 6 and n_c from 0 to 3. The model of the chosen orders then runs free over fresh data without noise.
+Each seed gives a new record with a coloured disturbance of 10 %. The search covers n_a from 3 to 6, n_b from 2 to 6 and
+n_c from 0 to 3. A model of the chosen orders then runs free over new data without noise.
 """
 
 from __future__ import annotations

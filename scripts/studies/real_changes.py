@@ -1,4 +1,4 @@
-"""What has changed between measured missions, and whether the current turned while a torpedo was under way.
+"""Changes between measured missions, and of the current during the log of a torpedo.
 
     python -m scripts.studies.real_changes --data DIR
     python -m scripts.studies.real_changes --data DIR --only MERMAID

@@ -1,8 +1,8 @@
-"""What a series of missions survives: a kill halfway, and a worker of a cluster that dies.
+"""Resilience of a series of missions to a kill halfway, and to the death of a worker of a cluster.
 
     python -m scripts.studies.series_resilience --missions 40
 
-Each series is a command of its own, as a user would give it; all of them have to leave the same bytes.
+Each series runs as a command of its own, as a user would run it. All of them must leave the same bytes.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Which slips of sign, unit, column, clock or thruster are noticed: each is made in a clean log of each vehicle.
+"""Which slips of sign, unit, column, clock or thruster are noticed, each made in a clean log of each vehicle.
 
     python -m scripts.studies.slips --seeds 1 --jobs 2 --out slips
     python -m scripts.studies.slips --vehicle vt690 --seed 2
 
-A slip counts as noticed where the doubt raised is this one, or names it as what would do the same.
+A slip counts as noticed if a doubt about the log states it, or lists it as another slip with the same result.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Logs with an effect in them that the diagnosis is not told of, and how often it names the right one.
+"""How often a diagnosis names the effect in a log, without knowing the truth.
 
-For each vehicle, effect and seed a log is simulated and written to a file; the truth goes into another. The diagnosis
-sees the log and the vehicle without the effect, writes its verdict, and only then is the truth read. Effects that no
-log of that kind can show (`hidden` in `scripts.blind.kinds`) are left out unless asked for; the diagnosis must then
-neither name anything nor claim that it would have seen them.
+For each vehicle, effect and seed, a simulated log is written to one file and the truth to another. The diagnosis gets
+the log and the vehicle without the effect, and writes its verdict before the truth is read. Effects that no log of that
+kind can show (`hidden` in `scripts.blind.kinds`) are left out unless requested; for these the diagnosis must neither
+name anything nor claim that it would have detected them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ VEHICLES = ("slocum", "ganeshblue", "qiandao_float", "mermaid")
 
 
 def write_log(folder: Path, vehicle: str, effect: str, seed: int) -> None:
-    """log.nc: the standard experiment of the vehicle's kind, with its settings; truth.json: what is in it."""
+    """Write log.nc, the standard experiment of the vehicle's kind with its settings, and truth.json with the truth."""
     rng = np.random.default_rng([seed, *effect.encode()])
     plant = known(vehicle)
     value, change = None, 0.0
@@ -46,15 +46,15 @@ def write_log(folder: Path, vehicle: str, effect: str, seed: int) -> None:
 
 
 def diagnose_log(folder: Path, vehicle: str) -> None:
-    """verdict.json from log.nc and the vehicle alone."""
+    """Write verdict.json from log.nc and the vehicle alone."""
     diagnosis = diagnose(Record.load(folder / "log.nc"), known(vehicle))
     (folder / "verdict.json").write_text(json.dumps(as_json(diagnosis)))
 
 
 def judge(folder: Path) -> dict:
-    """Truth and verdict side by side: right, and other effects named besides.
+    """The truth next to the verdict: whether it is right, and other named effects.
 
-    Right for an effect that no such log shows is not to claim that this size would have shown, and to name nothing.
+    For an effect that no such log shows, a verdict is right if it names nothing and does not call this size detectable.
     """
     truth = json.loads((folder / "truth.json").read_text())
     verdict = json.loads((folder / "verdict.json").read_text())
@@ -88,7 +88,7 @@ def one(job: tuple[str, str, int]) -> dict:
 
 
 def study(vehicles: Sequence[str], effects: Sequence[str] | None, seeds: Sequence[int], jobs: int = 1) -> list[dict]:
-    """A row for each vehicle and effect: how many logs, how many right, which other names were given."""
+    """A row for each vehicle and effect: numbers of logs and of right verdicts, and other names."""
     asked = [(vehicle, effect) for vehicle in vehicles for effect in effects or [CLEAN, *effects_of(vehicle)]]
     done = iter(results_of(one, [((*pair, seed),) for pair in asked for seed in seeds], jobs, "logs"))
     return [_row(vehicle, effect, list(islice(done, len(seeds)))) for vehicle, effect in asked]

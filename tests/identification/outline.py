@@ -1,4 +1,4 @@
-"""What a browser would see of a page: for the tests of reports."""
+"""The outline of a page as a browser sees it, for tests of reports."""
 
 import re
 from html.parser import HTMLParser
@@ -7,7 +7,7 @@ VOID = {"meta", "link", "br", "img", "hr", "input"}
 
 
 class Outline(HTMLParser):
-    """What a browser would see: attributes of each tag, text, and the tags that do not match."""
+    """The outline of a page: attributes of each tag, text, and unmatched tags."""
 
     def __init__(self, page: str):
         super().__init__()

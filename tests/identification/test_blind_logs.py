@@ -1,4 +1,4 @@
-"""The blind study: the truth is kept apart, and judged as it says."""
+"""Tests of the blind study: the truth is kept separate, and verdicts are judged correctly."""
 
 import json
 

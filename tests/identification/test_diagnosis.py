@@ -1,4 +1,4 @@
-"""The diagnosis on logs whose truth it is not told, on a real log, and on bad input."""
+"""Tests of the diagnosis on logs with an unknown truth, on a real log, and on bad input."""
 
 import json
 import os

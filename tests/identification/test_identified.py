@@ -1,4 +1,4 @@
-"""A fit with its judgement: what is held out, what is told, and what the pages show."""
+"""Tests of a judged fit: the held-out data, the statements, and the pages."""
 
 import re
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The gate before every name: why a change of the model is not accepted, or nothing."""
+"""The gate of a diagnosis: the acceptance test for changes of the model, which every named effect has passed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from auv_gym.plant import Plant
 from identification.deciding import EFFECT_LEAST, EFFECT_SHARE, SURE, SURPRISE, TERM_LEAST, TERM_SHARE
 from identification.diagnosis.search.workbench import State, Workbench
 
-EDGE = 1e-4  # of the span between the bounds of a parameter: fits that stop early end near a bound, not at it
+EDGE = 1e-4  # distance to a bound, over the span of the bounds, that counts as at it: fits may stop just before
 
 INSIGNIFICANT = "not significant"
 UNREPEATED = "does not hold from one part of the log to the others"
@@ -24,9 +24,9 @@ GONE = "not significant next to the other effects"
 
 @dataclass(frozen=True)
 class Rule:
-    """What parts foretold by the others must show of a change.
+    """The evidence that a change needs in parts of the log that are predicted from the others.
 
-    least: evidence from them alone.  share: of the evidence in all rows that they must repeat.
+    least: the least evidence there.  share: the least such evidence, over the evidence in all rows.
     """
 
     least: float
@@ -39,7 +39,7 @@ TERM = Rule(TERM_LEAST, TERM_SHARE)
 
 @dataclass(frozen=True)
 class Size:
-    """How far a parameter is from neutral, and whether it is at a bound."""
+    """A parameter's distance from its neutral value, and whether it is at a bound."""
 
     moved: float
     limited: bool
@@ -47,12 +47,12 @@ class Size:
 
 @dataclass(frozen=True)
 class Claim:
-    """What speaks for a change of the model, against the same model without it.
+    """The evidence for a change of the model, compared with the same model without it.
 
-    train, held: evidence in all rows, and in parts foretold by the others.  bar: what the first must reach.  sizes: of
-    its parameters.  reach: half widths of their 95 % intervals.  flies: whether free runs stay finite with it.
-    These two are costly and asked for last.  known: how much of the first is due to coefficients that are nearer to
-    what was stated of them; parts say nothing of that.
+    train, held: evidence in all rows, and in parts predicted from the others.  bar: threshold of `train`.
+    sizes: of the change's parameters.  reach: returns half widths of their 95 % intervals.  flies: returns whether free
+    runs with the change stay finite.  Both are costly, and called last.
+    known: part of `train` due to coefficients closer to their stated values, about which the parts hold no evidence.
     """
 
     train: float
@@ -68,7 +68,7 @@ class Claim:
 class Weighed:
     """The evidence for a change, and the objection to it, or ""; see `Claim`.
 
-    held: zero where the evidence in all rows does not reach the bar.
+    held: 0 if the evidence in all rows does not reach the threshold.
     """
 
     train: float
@@ -82,10 +82,10 @@ class Weighed:
 
 
 def objection(claim: Claim, rule: Rule = EFFECT) -> str:
-    """Why a change is not accepted, or "": every name has passed here, by whatever way it was found."""
+    """The reason why a change is not accepted, or ""; every named effect passes this test, however it was found."""
     if not claim.train >= claim.bar:
         return INSIGNIFICANT
-    # what is known of the coefficients may be enough; parts must not contradict it then
+    # priors of the coefficients may suffice as evidence; then the parts must only not contradict
     least = -rule.least if claim.known >= claim.bar else max(rule.least, rule.share * claim.train)
     if not claim.held >= least:
         return UNREPEATED
@@ -107,7 +107,7 @@ def weighed(
     bar: float,
     soon: bool = False,
 ) -> Weighed:
-    """What the gate says of sizes that one state has and the other has not; soon: see `Workbench.by_part`."""
+    """The evidence for the change from one state to another, and the objection to it; soon: see `Workbench.by_part`."""
     if not after.finite:
         return Weighed(0.0, 0.0, DIVERGES)
     train, known = bench.gain(before, after), bench.known_gain(before, after)
@@ -117,16 +117,16 @@ def weighed(
 
 
 def effect_size(plant: Plant, path: str, bounds: tuple[float, float] | None = None) -> Size:
-    """The size that a plant has at a path: what is sure is named however small it is, see `Effect.changes`.
+    """The size of an effect of a plant; a certain effect is named however small it is, see `Effect.changes`.
 
-    bounds: of the fit, where what is known of an effect makes them narrower than the physical range.
+    bounds: those of the fit, which prior knowledge of an effect may make narrower than the physical range.
     """
     spec, value = spec_at(plant, path), value_at(plant, path)
     return Size(abs(value - spec.neutral), at_limit(value, bounds or spec.bounds, spec.neutral))
 
 
 def at_limit(value: float, bounds: tuple[float, float], neutral: float) -> bool:
-    """Whether a value is at a bound, or beyond, that is not its neutral value."""
+    """Whether a value is at or beyond a bound that is not its neutral value."""
     low, high = bounds
     slack = EDGE * (high - low) if np.isfinite(high - low) else 0.0
     return bool((low != neutral and value <= low + slack) or (high != neutral and value >= high - slack))

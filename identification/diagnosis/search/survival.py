@@ -1,6 +1,7 @@
-"""Whether a choice would have been the same without parts of the record: every fitted candidate refitted without them.
+"""Robustness of a choice to the data: whether parts of the record alone would lead to the same choice.
 
-To second order about each fit, so that hundreds of choices cost no run of the vehicle.
+Every fitted candidate is refitted to the parts, to second order about its fit, so that hundreds of choices need no run
+of the vehicle.
 Source: stability selection by complementary halves, Shah and Samworth 2013, J. R. Stat. Soc. B 75.
 """
 
@@ -22,10 +23,10 @@ from identification.diagnosis.search.workbench import State, Workbench
 
 @dataclass(frozen=True, eq=False)
 class Survival:
-    """What halves of a record choose in a round, the effects of the other rounds given.
+    """The choices of halves of a record in a round, given the effects of the rounds before.
 
-    frequency: share of the halves that choose the round's effect, or one tied with it.  instead: share by path of what
-    else they choose.
+    frequency: share of the halves that choose the round's effect, or one tied with it.
+    instead: share of the halves that choose another effect, by its first path.
     """
 
     frequency: float
@@ -33,23 +34,26 @@ class Survival:
 
     @property
     def holds(self) -> bool:
-        """Whether most halves see something there."""
+        """Whether most halves choose an effect, be it another one."""
         return self.frequency + sum(self.instead.values()) > MAJORITY
 
     @property
     def rivals(self) -> tuple[str, ...]:
-        """What is chosen instead so often that the record cannot decide."""
+        """The effects that are chosen instead so often that the record cannot decide."""
         return tuple(path for path, share in self.instead.items() if share >= RIVAL)
 
 
 def halves_of(parts: Sequence[object]) -> list[np.ndarray]:
-    """All halves of a record's parts, each which of them are in it, (K,) bool."""
+    """All halves of a record's parts, each as a mask of its parts, (K,) bool."""
     number = len(parts)
     return [np.isin(np.arange(number), part) for part in combinations(range(number), max(number // 2, 1))]
 
 
 def survival(bench: Workbench, made: Round, before: State, count: int) -> Survival:
-    """What all halves of the parts choose in a round whose trials were fitted beside a state."""
+    """The choices of all halves of the parts in a round whose trials were fitted beside a state.
+
+    count: number of all candidates, for the threshold.
+    """
     halves = halves_of(bench.parts)
     found, instead = 0, dict[str, float]()
     for half in halves:
@@ -63,10 +67,10 @@ def survival(bench: Workbench, made: Round, before: State, count: int) -> Surviv
 
 
 def preferred(bench: Workbench, made: Round, before: State, count: int, counted: np.ndarray) -> Trial | None:
-    """The trial of a round that some parts, (K,) bool, would choose; None if nothing is seen by them.
+    """The trial of a round that some parts, (K,) bool, would choose; None if no effect is detectable in them.
 
-    It is the chosen one as long as none leads it, or what it is tied with, by the share of `TIE` that is theirs: parts
-    that tell two effects apart less well than the whole record do not contradict it.
+    This is the round's choice unless a trial leads it, and those tied with it, by more than the parts' share of `TIE`:
+    parts that distinguish two effects less well than the whole record do not contradict it.
     """
     tried = [t for t in made.trials if t.state is not None and t.objection not in (DIVERGES, LIMITED)]
     if not tried:
@@ -83,7 +87,11 @@ def preferred(bench: Workbench, made: Round, before: State, count: int, counted:
 def chosen_without(
     bench: Workbench, nominal: State, state: State, rounds: Sequence[Round], count: int, part: int
 ) -> State:
-    """The state that would have been chosen without a part: the chosen one as far as the other parts agree."""
+    """The state that would have been chosen without a part of the record.
+
+    This is `state` if the other parts agree in all rounds; otherwise it is their choice in the first round in which
+    they differ, or the state before that round if they choose nothing.
+    """
     counted = np.arange(len(bench.parts)) != part
     reached = nominal
     for made in rounds:

@@ -1,4 +1,4 @@
-"""Fits of candidates: a short list by what one step of each promises, then whole fits, then the gate."""
+"""Fits of candidate effects: screening by regression, a few steps for a short list, whole fits, and the gate."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from identification.diagnosis.search.candidates import Candidate, Regression, Sc
 from identification.diagnosis.search.workbench import State, Workbench, tried
 from identification.fit.parameters import kinked
 
-FIRST_ITERATIONS = 2  # of the short list
+FIRST_ITERATIONS = 2  # steps for each candidate of the short list
 NO_TRACE = "leaves no trace in the residual"
 FAR_LESS = "explains far less than the others"
 IDLE_PART = "its part of the vehicle shows no missing effect"
@@ -46,8 +46,8 @@ Progress = Callable[[float, str], None]
 class Trial:
     """A candidate fitted jointly with everything fitted before it.
 
-    train, held: evidence for it in all rows, and in parts foretold by the others.  objection: why it is
-    not accepted, or "".
+    train, held: evidence for it in all rows, and in parts predicted from the others.
+    objection: the reason why it is not accepted, or "".
     """
 
     candidate: Candidate
@@ -59,12 +59,12 @@ class Trial:
 
     @property
     def price(self) -> float:
-        """What a second component or a sought period is expected to gain by chance."""
+        """The evidence that a second component or the search for a period is expected to gain by chance."""
         return PRICE * (len(self.candidate.paths) - 1 + float(np.log(self.screening.tried)))
 
     @property
     def total(self) -> float:
-        """Evidence, less its price."""
+        """The evidence minus its price."""
         return self.train - self.price
 
 
@@ -78,7 +78,7 @@ def trials_of(
 ) -> list[Trial]:
     """A trial for each candidate beside what was fitted before, most evidence first.
 
-    count: of all candidates.  plain: paths that are fitted to the end whatever they promise.
+    count: number of all candidates.  plain: paths that are fitted to the end however little they promise.
     """
     progress(0.0, "screening")
     screened, bases, first = _screened(bench, state, left, threshold(count))
@@ -94,7 +94,7 @@ def trials_of(
         begun = begun_from(bench, state, base, screening, rivals[base])
         if base is state or begun.promise >= here.evidence or here.evidence < LEAST_TRACE * threshold(count):
             return begun
-        # far from where the state is, a few steps may lead nowhere
+        # a few steps from far away may lead nowhere
         return max(begun, begun_from(bench, state, state, here, state), key=lambda one: one.promise)
 
     begun = side_by_side(begin, listed)
@@ -102,7 +102,7 @@ def trials_of(
 
     finalists = finalists_of(begun, plain, LEAST_TRACE * threshold(count))
     trials = all_finished(bench, state, finalists, count)
-    # with too little process noise all promise too much: what finalists keep of it tells by how much
+    # with too little process noise all promise too much; the share that finalists keep corrects the other promises
     promised = {b.screening.candidate: b.promise for b in finalists if b.state.quiet and b.promise > 0.0}
     both = [(t.train, promised[t.candidate]) for t in trials if t.candidate in promised]
     kept = float(np.clip(max((train / promise for train, promise in both), default=1.0), 0.0, 1.0))
@@ -131,11 +131,11 @@ def trials_of(
 def _screened(
     bench: Workbench, state: State, left: Sequence[Candidate], bar: float
 ) -> tuple[list[Screening], dict[Candidate, State], dict[Candidate, Screening]]:
-    """The screening of each candidate, most promising first, the state in which it promised that, and those here.
+    """The best screening of each candidate, most evidence first, its base state, and the screenings in `state`.
 
-    From the state; from it with the coefficients as given, since those that were fitted without the missing effect may
-    be so wrong that its signature at them means nothing; and from it with less process noise, which may have grown to
-    take the effect's part, and then leaves little of it to see.
+    The base states are the given one and two kinds of variants.  Variants with the coefficients as given: coefficients
+    that were fitted without the missing effect may be so wrong that its signature is meaningless there.  Variants with
+    less process noise: the noise may have grown to absorb the effect, and then leaves little of it to see.
     """
     problem = bench.problem
     found: dict[Candidate, Screening] = {}
@@ -150,22 +150,23 @@ def _screened(
             evidence, parameters = s.together
             together = (evidence / times - less, parameters)
             s = replace(s, evidence=s.evidence / times - less, together=together)
-            if s.candidate in found:  # what any of the states shows of a part is worth a search
+            if s.candidate in found:  # a part is searched if any of the states shows something of it
                 likelier = min(s, found[s.candidate], key=lambda one: one.chance).together
                 s, found[s.candidate] = (replace(one, together=likelier) for one in (s, found[s.candidate]))
             if s.candidate not in found:
                 found[s.candidate], bases[s.candidate] = s, base
             elif s.evidence > found[s.candidate].evidence:
-                # the detectable size rests on the noise as it was found
+                # the detectable size is that for the noise as fitted
                 found[s.candidate], bases[s.candidate] = replace(s, detectable=found[s.candidate].detectable), base
     return sorted(found.values(), key=lambda s: -s.evidence), bases, here
 
 
 def _behind(bench: Workbench, state: State, base: State, regression: Regression) -> float:
-    """By how much a base, its fitted parameters moved as a regression promises, is less likely than the state.
+    """The evidence by which a base falls short of the state, once its fitted parameters are moved by the regression.
 
-    What a poorer base leaves is not evidence for a candidate.  With the noises of the base, by which evidence is
-    counted there: process noise that makes up for wrong coefficients has made all evidence small.
+    Errors due to a poorer base are not evidence for a candidate.  The two are compared with the noises of the base,
+    with which the evidence there is computed: process noise that compensates wrong coefficients makes all evidence
+    small.
     """
     if base is state or base.quiet:
         return 0.0
@@ -175,7 +176,7 @@ def _behind(bench: Workbench, state: State, base: State, regression: Regression)
 
 
 def misjudged(bench: Workbench, base: State) -> float:
-    """How much too large evidence beside a state is, whose process noise is taken for weaker than suits it."""
+    """The factor by which evidence is too large beside a state with less process noise than suits it; else 1."""
     if not base.quiet:
         return 1.0
     squares = float((base.point.errors**2 * bench.problem.counted[:, None]).sum())
@@ -187,11 +188,11 @@ def _short_list(
 ) -> list[Screening]:
     """The candidates that are worth a fit, most promising first.
 
-    here: those that promise most from the state as it is.  Where random accelerations are taken for weaker than they
-    are, what they do looks like many effects, and these would be all of the list.
+    here: those that promise most from the state as it is.  With too little process noise, random accelerations look
+    like many effects, which would otherwise fill the list.
     """
-    # none for what cannot be seen; where candidates are many, none of a part that shows nothing: one effect that is
-    # plain to see may be lost in the evidence for all effects of a large part
+    # candidates below the least trace are left out.  So are those of a part without evidence, if parts are tested and
+    # none of its effects passes the bar alone: a clear effect may be lost among all effects of a large part
     loud = {part_of(s.candidate.paths[0]) for s in screened if s.evidence >= bar}
     worth = [
         s
@@ -210,7 +211,7 @@ def _short_list(
 
 @dataclass(frozen=True, eq=False)
 class Begun:
-    """A candidate's state after few steps; promise: twice the gain in log-likelihood there."""
+    """A candidate's state after a few steps; promise: the evidence for it there, twice the gain in log-likelihood."""
 
     screening: Screening
     state: State
@@ -218,11 +219,12 @@ class Begun:
 
 
 def rival_of(bench: Workbench, state: State, base: State) -> State:
-    """What a candidate that begins at a base is compared with: as many steps of what is free without it.
+    """The state without a candidate that a fit of the candidate from a base is compared with.
 
-    With weaker accelerations, or other coefficients, these alone bring much, which is no evidence for any candidate;
-    nor is what brings a base that is far from the record nearer to it, but not as near as the state with the noises of
-    the base: with weaker accelerations, or as it is where these cannot be.
+    It is the likeliest of several.  One is the base after as many steps of the parameters fitted so far: with weaker
+    accelerations, or other coefficients, these steps alone gain much, which is no evidence for a candidate.  The others
+    are the state with the noises of the base or, for a base with less process noise, the quieted states (the state as
+    it is if there are none): a candidate must bring a base nearer to the record than these.
     """
     if base is state:
         return state
@@ -237,9 +239,9 @@ def rival_of(bench: Workbench, state: State, base: State) -> State:
 
 
 def begun_from(bench: Workbench, state: State, base: State, screening: Screening, rival: State) -> Begun:
-    """The candidate's state after steps with the gains of a state without it, from its likeliest first values.
+    """The candidate's state after a few steps from its likeliest first values, with the gains of the base.
 
-    rival: what it promises more than.
+    rival: the state without the candidate, against which its promise is computed; see `rival_of`.
     """
     problem, candidate = bench.problem, screening.candidate
     paths = (*state.paths, *candidate.free)
@@ -249,12 +251,12 @@ def begun_from(bench: Workbench, state: State, base: State, screening: Screening
         for values in _first_values(base.plant, screening)
     ]
     points = [problem.with_gains(base.point, vector) for vector in vectors]
-    if screening.beside.size:  # where little of its signature is its own, the fitted ones must move with it, and starts
+    if screening.beside.size:  # if its signature is largely imitated, fitted parameters and initial states move too
         moved = replace_at(base.plant, period).vector
         step = np.r_[screening.beside, screening.estimate]
         vector = problem.moved_vector(moved, (*state.paths, *candidate.paths), step)
         points.append(problem.descended(problem.with_gains(base.point, vector), ()))
-    finite = [p for p in points if np.isfinite(p.scores).all()]  # NaN would win against everything after it
+    finite = [p for p in points if np.isfinite(p.scores).all()]  # `max` would keep NaN against all later points
     best = max(finite or points[:1], key=lambda p: problem.objective(p, paths))
     point = problem.descended(best, paths, FIRST_ITERATIONS)
     first = State(problem.plant_at(point, paths), paths, point, base.quiet)
@@ -263,7 +265,7 @@ def begun_from(bench: Workbench, state: State, base: State, screening: Screening
 
 
 def _finished(bench: Workbench, state: State, begun: Begun, count: int) -> Trial:
-    """The trial of a candidate that was begun, with the noises that suit it."""
+    """The trial of a begun candidate, fitted with the noises that suit it."""
     near, paths = begun.state, begun.state.paths
     if near.quiet:
         near = State(near.plant, paths, bench.problem.renewed(near.point, state.point.logs, paths))
@@ -271,7 +273,7 @@ def _finished(bench: Workbench, state: State, begun: Begun, count: int) -> Trial
 
 
 def all_finished(bench: Workbench, state: State, begun: Sequence[Begun], count: int) -> list[Trial]:
-    """The trials of candidates that were begun, the first one whatever it takes."""
+    """The trials of begun candidates; the first one is fitted even if no time is left."""
 
     def finish(one: Begun) -> Trial | None:
         if one is not begun[0] and not bench.goes_on(_FITTING):
@@ -282,7 +284,7 @@ def all_finished(bench: Workbench, state: State, begun: Sequence[Begun], count: 
 
 
 def finalists_of(begun: Sequence[Begun], plain: Collection[str], least: float) -> list[Begun]:
-    """Those of the short list that are fitted to the end: by what they promise, which must be the least or more."""
+    """The begun candidates to fit to the end: the most promising with at least `least`, and all of `plain`."""
     worth = (b for b in begun if b.promise >= least or not set(plain).isdisjoint(b.screening.candidate.paths))
     finite = sorted((b for b in worth if np.isfinite(b.promise)), key=lambda b: -b.promise)
     best = finite[0].promise if finite else 0.0
@@ -293,11 +295,11 @@ def finalists_of(begun: Sequence[Begun], plain: Collection[str], least: float) -
 def _overtaken(
     begun: Sequence[Begun], trials: Sequence[Trial], gain: Mapping[Candidate, float], bar: float
 ) -> list[Begun]:
-    """Those that were no finalists, and yet promise more than any of these reached, once all promises are true.
+    """The begun candidates that were no finalists but promise more than any accepted finalist has gained.
 
-    Where none of these was accepted, half of the bar is enough of what was begun with random accelerations as strong as
-    they are: such promises are true, less than whole fits bring, and what weaker accelerations promise has hidden them.
-    gain: the true promises.
+    gain: the corrected promises.  They must also exceed the bar, or half of it (`PROMISED`) for a candidate begun with
+    the process noise as fitted: such a promise needs no correction, is less than a whole fit gains, and was hidden by
+    the larger promises with less process noise.
     """
     done = {t.candidate for t in trials}
     reached = max((t.train for t in trials if not t.objection), default=0.0)
@@ -313,14 +315,14 @@ def _overtaken(
 def judged(
     bench: Workbench, state: State, candidate: Candidate, screening: Screening, near: State, count: int
 ) -> Trial:
-    """The trial of a candidate fitted from a state near by; what is accepted may fail to be `sure`."""
+    """The trial of a candidate fitted from a nearby state, by a first judgement; see `sure` for the complete gate."""
     reached = bench.likelier_from_given(tried(bench.problem, near), HOPELESS)
     found = gate(bench, state, reached, [(candidate, screening)], count, soon=True)
     return Trial(candidate, reached, found.train, found.held, screening, found.objection)
 
 
 def sure(bench: Workbench, state: State, trial: Trial, count: int) -> Trial:
-    """A trial beside a state, with all that the gate asks: what takes long is asked of few."""
+    """A trial judged by the complete gate, which takes long and is therefore applied to few."""
     if trial.objection or trial.state is None:
         return trial
     found = gate(bench, state, trial.state, [(trial.candidate, trial.screening)], count)
@@ -335,10 +337,11 @@ def gate(
     count: int,
     soon: bool = False,
 ) -> Weighed:
-    """What speaks for candidates, as one change, and the objection to them; what is no longer free has gone already.
+    """The evidence for candidates as one change of the model, and the objection to it.
 
-    count: of all candidates, for the bar; periods that were tried count, too.  soon: for a first judgement, by
-    which parts are told by responses and intervals are those of white errors.
+    Only paths that are still free in `after` count.
+    count: number of all candidates, for the bar; the tried periods are added.  soon: make a first judgement, by
+    responses where there are any, and by intervals for white errors of known noise.
     """
     free = [p for candidate, _ in added for p in candidate.free if p in after.paths]
     paths = [p for candidate, _ in added for p in candidate.paths if p in after.paths]
@@ -355,11 +358,13 @@ def gate(
 
 
 def _first_values(plant: Plant, screening: Screening) -> list[tuple[float, ...]]:
-    """Where to start a fit: at the screening's estimate, one probe off neutral on the side it points to, and opposite.
+    """First values for a candidate's fit, one tuple for each start.
 
-    Coefficients that were fitted without the effect may turn the estimate's sign, and a fit then stays on that side.
-    A probe may be far more than a long record bears: then the estimate is the better start, but for corners, whose
-    slopes next to neutral say nothing.
+    They are one probe off neutral on the side of the screening's estimate, and the estimate itself (1 to 12 probes).
+    A single parameter also starts on the other side, since coefficients that were fitted without the effect may turn
+    the sign of the estimate, and a fit would stay there.  One with a corner starts five probes further instead.
+    In a long record, a probe may be far too large: an estimate below one probe is then another start, except for
+    corners, next to which slopes hold no information.  For an effect with jumps, the estimate is the only start.
     """
     if screening.candidate.jumps:
         spec = spec_at(plant, screening.candidate.paths[0])

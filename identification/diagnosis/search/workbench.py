@@ -1,4 +1,4 @@
-"""A record in parts, and the fits that a diagnosis makes on it."""
+"""A workbench for a diagnosis: a record in parts, and the fits to it."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from identification.fit.validation import free_runs
 
 T = TypeVar("T")
 
-ITERATIONS = 12  # of a trial's fit
+ITERATIONS = 12  # most iterations of a trial's fit
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """A vehicle with free parameters and noises fitted to the training windows, and the filter of all windows.
+    """A vehicle with fitted parameters and noises, and its filter along the record.
 
-    quiet: with less process noise than suits it best.
+    paths: the fitted parameters.  quiet: whether it has less process noise than suits it best.
     """
 
     plant: Plant
@@ -46,23 +46,25 @@ class State:
 
     @property
     def finite(self) -> bool:
-        """Whether the filter came to an end with it."""
+        """Whether the filter's likelihood is finite in all rows."""
         return bool(np.isfinite(self.point.scores).all())
 
 
 def tried(problem: PredictionErrors, near: State) -> State:
-    """The likeliest state that a trial's fit reaches from a state."""
+    """The state that a trial's fit reaches from a nearby state."""
     point = problem.solve(near.plant, near.paths, near.point, ITERATIONS, gain=TRIAL_GAIN)
     return State(problem.plant_at(point, near.paths), near.paths, point)
 
 
 class Workbench:
-    """A record in parts, and the fits made on it.
+    """A record in parts, and the fits to it.
 
-    One filter goes through all of it, and fits count all of it; what each part tells by itself says whether what was
-    found foretells the part from the others.
-    plant: as given, integrated in the longest steps that hardly move its filter (`identification.fit.steps`).
-    doubt: standard deviation of its coefficients, relative.  windows: of free runs, by default the parts' pieces.
+    One filter passes through the whole record, and fits count all of it.  The likelihood of each part is also known as
+    a function of the parameters, which shows whether a change of the model predicts the part from the others.
+    plant: the vehicle as given.  The attribute of this name is integrated in the longest steps that hardly move its
+    filter, see `identification.fit.steps`.
+    doubt: relative standard deviation of coefficients that state none.  windows: those of free runs, by default the
+    pieces of the parts.
     """
 
     def __init__(
@@ -85,20 +87,20 @@ class Workbench:
         self._begin()
 
     def _begin(self) -> None:
-        """Start to count the work, with nothing known of any state."""
+        """Start to count the work, with an empty cache of states."""
         self.block_of_row = block_numbers(self.record, self.problem.stretches, BLOCKS)[:: self.problem.stride]
         self._most, self.unfinished = self.problem.work.done + MOST_WORK, list[str]()
         self._known: WeakKeyDictionary[State, dict[Hashable, Any]] = WeakKeyDictionary()
 
     def once(self, state: State, question: Hashable, work: Callable[[], T]) -> T:
-        """What is worked out of a state, which is kept as long as the state is."""
+        """The cached result of `work`, by state and question; it is kept as long as the state."""
         known = self._known.setdefault(state, {})
         if question not in known:
             known[question] = work()
         return known[question]
 
     def in_suited_steps(self, state: State) -> Workbench:
-        """A bench in shorter steps of integration if the present ones move the filter of a state, else itself."""
+        """A bench with shorter integration steps if the present ones move the filter of a state, else itself."""
         problem = suited(self._as_stepped, self.problem, state.point)
         if problem is self.problem:
             return self
@@ -108,15 +110,15 @@ class Workbench:
         return other
 
     def in_suited_rows(self, state: State) -> Workbench:
-        """A bench with readings averaged over less time if averages mislead the fit of a state, else itself."""
+        """A bench with readings averaged over less time if the averages mislead the fit of a state, else itself."""
         return self._in_rows(in_suited_rows(self.problem, state.point, state.paths))
 
     def in_shortest_rows(self) -> Workbench:
-        """A bench with readings averaged over no time, or over the least that a long record allows, or itself."""
+        """A bench with readings not averaged, or averaged over the least time that a long record allows, or itself."""
         return self._in_rows(in_shortest_rows(self.problem))
 
     def _in_rows(self, problem: PredictionErrors) -> Workbench:
-        """A bench with a problem in other rows."""
+        """A bench with the problem in other rows, or itself if it is the same problem."""
         if problem is self.problem:
             return self
         other = copy(self)
@@ -125,21 +127,21 @@ class Workbench:
         return other
 
     def with_noises(self, velocities: Sequence[int], readings: Sequence[int], period: float) -> Workbench:
-        """A bench with more noises, see `identification.fit.stretches.Stretches.with_noises`."""
+        """A bench with further noises, see `identification.fit.stretches.Stretches.with_noises`."""
         other, added = copy(self), (velocities, readings, period)
         other._as_stepped, other.problem = self._as_stepped.with_noises(*added), self.problem.with_noises(*added)
         other._begin()
         return other
 
     def taken_over(self, state: State) -> State:
-        """A state of a bench in other steps or rows, fitted in those of this one."""
+        """A state of a bench with other steps or rows, fitted again with those of this bench."""
         plant = replace(state.plant, longest_step=self.plant.longest_step)
-        near = replace(state.point, system=None)  # with responses of its own rows
+        near = replace(state.point, system=None)  # its responses are for other rows
         point = self.problem.point(plant.vector, state.point.logs, near)
         return self.fit(plant, state.paths, State(plant, state.paths, point))
 
     def goes_on(self, step: str) -> bool:
-        """Whether there is time left for a step of the search, in words; `unfinished` lists what there was none for."""
+        """Whether time is left for a step of the search, described in words; if not, `unfinished` lists the step."""
         if self.problem.work.done < self._most:
             return True
         if step not in self.unfinished:
@@ -148,24 +150,24 @@ class Workbench:
 
     @property
     def followed(self) -> int:
-        """How many states of the vehicle the filter follows."""
+        """The number of the vehicle's states that the filter follows."""
         return sum(i < len(self.plant.family.states) for i in self.problem.live)
 
     def fit(self, plant: Plant, paths: Sequence[str], near: State | None = None, gain: float = LEAST_GAIN) -> State:
-        """The likeliest state over the paths and the noises, from the plant's values on; gain: see `solve`."""
+        """The likeliest state over the paths and the noises, starting from the plant's values; gain: see `solve`."""
         point = self.problem.solve(plant, paths, near.point if near else None, gain=gain)
         return State(self.problem.plant_at(point, paths) if paths else plant, tuple(paths), point)
 
     def fit_from(
         self, starts: Sequence[tuple[Plant, State]], paths: Sequence[str], rival: State, hopeless: float
     ) -> State:
-        """The likeliest state that is reached from the likeliest of several plants, each with a state near it.
+        """The state that a trial's fit reaches from the likeliest of several plants, each with a state near it.
 
-        rival: a state that it is compared with; where it is behind that by `hopeless` once its parameters have settled,
-        the noises that suit it are not sought.
+        rival: a state to compare with.  If the evidence against the result is more than `hopeless` after the fit of
+        its parameters, its noises are not fitted.
         """
         points = side_by_side(lambda one: self.problem.point(one[0].vector, one[1].point.logs, one[1].point), starts)
-        best = max(points, key=lambda p: self.problem.objective(p, paths))  # minus infinity where a filter is lost
+        best = max(points, key=lambda p: self.problem.objective(p, paths))  # minus infinity if a filter diverges
         point = self.problem.descended(best, paths)
         settled = State(self.problem.plant_at(point, paths), tuple(paths), point)
         if self.gain(settled, rival) > hopeless:
@@ -173,7 +175,7 @@ class Workbench:
         return tried(self.problem, settled)
 
     def with_given(self, state: State) -> tuple[State, ...]:
-        """The state with its coefficients as the vehicle was given, if the fit has taken one of them far from there."""
+        """The state with its coefficients as given, if the fit has moved one of them far from there; else empty."""
 
         def found() -> tuple[State, ...]:
             plant = self._put_back(state)
@@ -183,34 +185,38 @@ class Workbench:
         return self.once(state, "as given", found)
 
     def _put_back(self, state: State) -> Plant | None:
-        """The vehicle of a state with its coefficients as given, None if the fit has taken none of them far away.
+        """The vehicle of a state with all coefficients as given; None if the fit has moved none of them far away.
 
-        All of them: what is left of those that were moved together, as inertia and moments of one axis are, would be
-        another vehicle than either.
+        Coefficients move together, as do inertia and moments about one axis.  If only some of them were put back, the
+        result would resemble neither vehicle.
         """
         values = {p: value_at(self.plant, p) for p in state.paths if p in self.plant.doubted}
         far = any(abs(value_at(state.plant, p) - v) > FAR_FROM_GIVEN * abs(v) for p, v in values.items())
         return replace_at(state.plant, values) if far else None
 
     def likelier_from_given(self, state: State, hopeless: float) -> State:
-        """The state, or what a fit reaches from its effects and the coefficients as given, whichever is likelier.
+        """The state, or the result of a fit from its effects with the coefficients as given, whichever is likelier.
 
-        Coefficients that have paid for what was missing may lie in a valley of the likelihood that no fit leaves once
-        it is there.  hopeless: evidence by which that vehicle may be behind at first to be fitted.
+        Coefficients that have compensated a missing effect may lie in a valley of the likelihood that a fit cannot
+        leave.
+        hopeless: evidence against that vehicle, before the fit, above which it is not fitted.
         """
         plant = self._put_back(state)
         return state if plant is None or not state.finite else self._likelier(state, plant, state, hopeless)
 
     def likelier_beside(self, state: State, trial: State) -> State:
-        """The state, or what a fit reaches from a trial's end without what the trial has added, whichever is likelier.
+        """The state, or the result of a fit from a trial's result without its effect, whichever is likelier.
 
-        A fit may end in a narrow valley of the likelihood, which one that is free in one more direction follows on.
+        A fit may end in a narrow valley of the likelihood, along which a fit with one more free parameter gets further.
         """
         plant = replace_at(state.plant, {p: value_at(trial.plant, p) for p in state.paths})
         return self._likelier(state, plant, trial, np.inf)
 
     def _likelier(self, state: State, plant: Plant, near: State, hopeless: float) -> State:
-        """The state, or what a fit of the same paths reaches from a plant with the noises of a state near it."""
+        """The state, or the likelier result of a fit of the same paths from a plant with the noises of a state near it.
+
+        hopeless: evidence against the plant, before the fit, above which it is not fitted.
+        """
         there = State(plant, state.paths, self.problem.point(plant.vector, near.point.logs, near.point))
         if not there.finite or self.gain(there, state) > hopeless:
             return state
@@ -218,10 +224,10 @@ class Workbench:
         return there if self.gain(state, there) > 0.0 else state
 
     def _renewed_at(self, plant: Plant, near: State) -> State:
-        """A plant with the noises that suit it, nothing free.
+        """A plant with the noises that suit it, without free parameters.
 
-        Sought from those of the state near by, and from first ones: noises of a vehicle that follows the record say
-        little where this one leaves it.
+        The search begins with the noises of a nearby state, and with first guesses: the noises of a vehicle that
+        follows the record need not suit one that leaves it.
         """
         problem = self.problem
 
@@ -233,10 +239,11 @@ class Workbench:
         return State(plant, (), max(found, key=lambda point: problem.objective(point, ())))
 
     def quieted(self, state: State) -> tuple[State, ...]:
-        """The state with less process noise, if its filter still follows the record; and with less of some kinds of it.
+        """The variants of a state with less process noise, of all or some kinds, whose filters still follow the record.
 
-        Accelerations that last take a steady effect's part, while shorter ones, as of waves, may be needed all the
-        same; a swell takes that of regular waves, or of what makes a loop swing.
+        The first has weaker accelerations of all kinds but a swell.  Lasting accelerations can absorb a steady effect,
+        while brief ones, such as those by waves, may still be needed: the second has weaker lasting ones only.  A swell
+        can absorb the effect of regular waves, or of what makes a control loop oscillate: the third has a weaker swell.
         """
         problem = self.problem
         if not problem.pushed:
@@ -252,7 +259,7 @@ class Workbench:
         return self.once(state, "quieted", found)
 
     def worth(self, state: State, paths: Sequence[str]) -> float:
-        """The evidence for some of a state's paths, all else refitted to second order, but for the noises."""
+        """The evidence for some of a state's paths, with all else but the noises refitted to second order."""
         own = self._scaled(state)
         rows = [state.paths.index(p) for p in paths]
         moved = [(value_at(state.plant, p) - spec_at(state.plant, p).neutral) / own.scale(p) for p in paths]
@@ -260,30 +267,33 @@ class Workbench:
         return float(np.array(moved) @ np.linalg.pinv(spread, hermitian=True) @ np.array(moved))
 
     def without(self, state: State, paths: Sequence[str]) -> State:
-        """The state fitted again with effects at their neutral values and no longer free."""
+        """The state fitted again, with some effects fixed at their neutral values."""
         plant = replace_at(state.plant, {p: spec_at(state.plant, p).neutral for p in paths})
         return self.fit(plant, [p for p in state.paths if p not in paths], state)
 
     def gains(self, before: State, after: State) -> tuple[float, float]:
-        """`gain` and `gain_foretold`."""
+        """The evidence in all rows and in parts predicted from the others: `gain` and `gain_foretold`."""
         return self.gain(before, after), self.gain_foretold(before, after)
 
     def gain(self, before: State, after: State) -> float:
-        """Twice the gain in log-likelihood, of all rows; what is known of coefficients and correlation times counts."""
+        """Evidence in all rows: twice the gain of the objective, which includes priors and costs of accelerations."""
         p = self.problem
         return 2.0 * (p.objective(after.point, after.paths) - p.objective(before.point, before.paths))
 
     def gain_foretold(self, before: State, after: State, soon: bool = False) -> float:
-        """Twice the gain in log-likelihood of each part foretold by the others, summed; each with its own noises."""
+        """Evidence in parts: twice the gain in log-likelihood of each part predicted from the others, summed.
+
+        Each state has its own noises.
+        """
         return 2.0 * float((self.by_part(after, soon).foretold - self.by_part(before, soon).foretold).sum())
 
     def known_gain(self, before: State, after: State) -> float:
-        """How much of `gain` is due to coefficients that are nearer to what was stated of them."""
+        """The part of `gain` due to coefficients that are closer to their stated values."""
         squares = [float((self.problem.pulls(s.point.vector, s.paths)[0] ** 2).sum()) for s in (before, after)]
         return squares[0] - squares[1]
 
     def by_part(self, state: State, soon: bool = False) -> ByPart:
-        """What each part tells of what a state has fitted; soon: by responses where there are any."""
+        """The likelihood of each part near a state, see `ByPart`; soon: use responses where the state has them."""
 
         def told() -> ByPart:
             return told_by_part(self._scaled(state), state.point, state.paths, self.parts, soon)
@@ -291,7 +301,7 @@ class Workbench:
         return self.once(state, ("by part", soon), told)
 
     def half_widths_if_white(self, state: State, paths: Sequence[str]) -> list[float]:
-        """Half widths of the 95 % intervals of some of a state's paths if errors were white and their noise was known.
+        """Half widths of the 95 % intervals of some of a state's paths, for white errors of known noise.
 
         Those of `intervals` are as wide or wider, and take far longer.
         """
@@ -300,12 +310,12 @@ class Workbench:
         return [half_width(np.inf) * float(errors[p]) * own.scale(p) for p in paths]
 
     def _scaled(self, state: State) -> PredictionErrors:
-        """The problem with scales of what a state has fitted and the vehicle has none for: terms, by their size."""
+        """The problem with the sizes of a state's fitted terms as their scales, since the vehicle states none."""
         fitted = [p for p in state.paths if p not in state.plant.coefficients and not spec_at(state.plant, p).probe]
         return self.problem.scaled({p: abs(value_at(state.plant, p)) or 1.0 for p in fitted})
 
     def unseen(self, state: State, part: int) -> Plant:
-        """The vehicle of a state as its paths are without a part of the record."""
+        """The vehicle of a state, with its paths refitted, to second order, without a part of the record."""
         step, _ = self.by_part(state).refitted(np.arange(len(self.parts)) != part)
         own = self._scaled(state)
         vector = own.moved_vector(state.point.vector, state.paths, step)
@@ -327,7 +337,7 @@ class Workbench:
         return interval_of(self.problem, state.point, state.paths, path, self._information(state))
 
     def half_width_of(self, state: State, shares: Mapping[str, float]) -> float:
-        """Half the width of the 95 % interval of a sum of fitted paths, each with its share."""
+        """Half the width of the 95 % interval of a weighted sum of fitted paths; shares: weights by path."""
         found = self._information(state)
         rows = [state.paths.index(p) for p in shares]
         units = np.array([share * self.problem.scale(p) for p, share in shares.items()])
@@ -335,7 +345,7 @@ class Workbench:
         return half_width(float(found.freedom[rows].min())) * float(np.sqrt(max(variance, 0.0)))
 
     def spread(self, state: State) -> tuple[Plant, ...]:
-        """The vehicle of a state, moved by a standard error in each independent direction of what was fitted."""
+        """Vehicles moved by one standard error, one for each independent direction of a state's fitted parameters."""
         if not state.paths:
             return ()
         values, vectors = np.linalg.eigh(self._information(state).covariance)
@@ -349,7 +359,10 @@ class Workbench:
         return self.once(state, "information", lambda: information_of(self.problem, state.point, state.paths))
 
     def costs(self, state: State) -> np.ndarray:
-        """Minus twice the objective in each of `BLOCKS` equal times of the record, (B,); what is known shared out."""
+        """Minus twice the objective in each of `BLOCKS` equal times of the record, (B,).
+
+        Terms of the objective that belong to no row, such as priors, are shared equally.
+        """
         p, scores = self.problem, np.bincount(self.block_of_row, state.point.scores, minlength=BLOCKS)
         known = p.total(state.point) - p.objective(state.point, state.paths)
         return 2.0 * (known / BLOCKS - scores)
@@ -359,9 +372,9 @@ class Workbench:
         return self._free_errors(plant, settle) is not None
 
     def nearer(self, before: State, after: State) -> float:
-        """By how much free runs with a second state are nearer to the record than with a first one.
+        """The decrease of free-run errors from one state to another: of the logarithm of RMS, mean over channels.
 
-        The mean of the logarithms of RMS errors over the channels, by which it is less.
+        It is 1 or -1 if only the first or only the second diverges, and 0 if both do.
         """
         first, second = self._free_errors(before.plant), self._free_errors(after.plant)
         if first is None or second is None:
@@ -369,7 +382,7 @@ class Workbench:
         return float(np.mean(np.log(first / second)))
 
     def _free_errors(self, plant: Plant, settle: float | None = None) -> np.ndarray | None:
-        """RMS errors of free runs over all windows by channel, (C,); None where they diverge."""
+        """RMS errors of free runs over all windows, by channel, (C,); None if a run diverges."""
         try:
             with np.errstate(over="ignore", invalid="ignore"):
                 runs = free_runs(plant, self.record, self.windows, plant.settle if settle is None else settle)

@@ -1,14 +1,14 @@
-"""Geng and Zhao 2012 from the records of their experiment to predictive control of depth on the identified model.
+"""Geng and Zhao 2012, from the records of their experiment to predictive control of depth on the identified model.
 
     python -m scripts.reproduce.armax --out vertical_plane
 
-Takes the records of `scripts/campaigns/vertical_plane.toml` from the folder, or performs the runs that it lacks, and
-prints and draws:
+Takes the records of `scripts/campaigns/vertical_plane.toml` from the folder, or performs missing runs, and prints and
+draws:
 
-- what criteria choose as orders (figures 2 and 3);
-- the coefficients of the model with 7 and 8 parameters beside table 2;
-- how free runs fit other data, pitch and depth differences (figures 11 and 12), over further seeds too, beside what the
-  true linear form, the rounding of the readings and the number of parameters allow;
+- the orders that criteria choose (figures 2 and 3);
+- the coefficients of the models with 7 and 8 parameters, next to table 2;
+- how well free runs fit other data, pitch and depth differences (figures 11 and 12), also over further seeds, next to
+  the limits set by the true linear form, the rounding of the readings and the number of parameters;
 - GPC of depth on the identified models against GPC on the true linear form, all on the true vehicle.
 
 The vehicle of the paper is not named; this is NPS AUV II.

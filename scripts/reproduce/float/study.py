@@ -1,12 +1,12 @@
-"""The comparison of Zhong et al. 2024 on a simulated float: RWLS, IVLS and LS-SVM, beside what works better.
+"""The comparison of Zhong et al. 2024 on a simulated float: RWLS, IVLS and LS-SVM, and methods that work better.
 
     python -m scripts.reproduce.float --seeds 50 --jobs 2 --out float
     python -m scripts.reproduce.float --seeds 2 --case dives
 
 The field data are not published, so the float is the preset `qiandao_float` under the PID of `float_depth_pid`, sampled
-as in the paper. White depth noise goes into the closed loop. The dive to 40 m and back to 0 m identifies, cut where it
-comes near the surface, which equation (5) leaves out; all four dives are then run free from rest. The cases called bias
-take long records of a float that obeys equation (5), with eight seeds of their own.
+as in the paper. White depth noise enters the closed loop. Models are identified from the dive to 40 m and back to 0 m,
+cut near the surface, which equation (5) does not cover. All four dives are then run free from rest. The cases called
+bias use long records of a float that obeys equation (5), with eight seeds of their own.
 
 Source: Zhong, Yu, Bai, Zeng and Lian 2024, J. Ocean Eng. Sci. 9(4): section 4, tables 1 and 2, figures 4 to 7.
 """

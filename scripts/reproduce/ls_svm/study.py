@@ -3,9 +3,9 @@
     python -m scripts.reproduce.ls_svm --seeds 5 --out ls_svm                      some 3 min
     python -m scripts.reproduce.ls_svm --seeds 20 --case '*' --jobs 2 --out all    some 60 min
 
-Bang-bang fins of 8 deg from rest at 4 V, and at 3 to 5 V; then circles with dives at 3.5 and 4.5 V with fins of 5 and
-10 deg, and S-plane control of speed, heading and depth. The cases called noisy compare it with models of other kinds,
-from the same noisy records.
+Models are learned from bang-bang fins of 8 deg from rest, at 4 V and at 3 to 5 V. They are tested in circles with dives
+at 3.5 and 4.5 V with fins of 5 and 10 deg, and under S-plane control of speed, heading and depth. The cases called
+noisy compare them with models of other kinds, from the same noisy records.
 
 Source: Xu, Zou, Yin and Cao 2013, Ocean Engineering 67, pages 68-76: table 3 and figures 9 to 16.
 """

@@ -3,10 +3,10 @@
     python -m scripts.studies.manoeuvres --out manoeuvres
     python -m scripts.studies.manoeuvres --vehicle my_auv.toml --speed 1.2
 
-Terms are those of IMO resolution MSC.137(76), annex, section 4.2, and of ITTC 7.5-04-02-01 (2017), section 2.2; the
-midship point is the origin of the body axes. A vehicle starts in steady level flight. In a turning circle and a zigzag
-its stern plane keeps the depth, in a depth change its rudder keeps the heading, both by the regulators of the
-environments; bow planes stay at zero.
+The terms are those of IMO resolution MSC.137(76), annex, section 4.2, and of ITTC 7.5-04-02-01 (2017), section 2.2; the
+midship point is the origin of the body axes. Each vehicle starts in steady level flight. The regulators of the
+environments keep the depth with the stern plane in turning circles and zigzags, and the heading with the rudder in
+depth changes. Bow planes stay at zero.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
-"""The stern plane of a torpedo in waves: by the likelihood with process noise, and by what follows its angle at once.
+"""The effect of a torpedo's stern plane in waves, by a fit with process noise and by a short-term regression.
 
     python -m scripts.studies.process_noise.measured LOG
 
-LOG is one that the shipped mapping of the VT 690 reads.  A fit with process noise has the coefficients, held to the
-given ones by 10 %, the fins' offsets, the stern plane's gain, the pitch sensor's error and a steady current.  It rests
-on a model of the vehicle over the whole log.  Beside it is a regression that rests on next to none: of pitch on pitch
-and the stern plane's angle in the rows before, which gives the change of pitch within a second after a step, over that
-of the given vehicle.  Pitch of the last seconds tells of waves as far as these can be foretold, and a controller cannot
-steer against the rest before it has come; but where pitch is logged later than the plane, the plane has seen it.
+LOG is one that the shipped mapping of the VT 690 reads. The fit estimates the coefficients (priors of 10 %), the fins'
+offsets, the stern plane's gain, the pitch sensor's error and a steady current. It relies on a model of the vehicle over
+the whole log. The regression relies on hardly any model: it predicts pitch from pitch and the stern plane's angle in
+earlier rows, and gives the change of pitch within a second after a step, over that of the given vehicle. Past pitch
+contains the waves as far as they can be predicted, and a controller cannot steer against the rest in advance. But if
+pitch is logged later than the plane, the plane has already reacted to it.
 """
 
 from __future__ import annotations

@@ -1,17 +1,17 @@
-"""What process noise does to fits and diagnoses, and what is known of it: simulated logs, open and closed loop.
+"""Effects of process noise on fits and diagnoses, and its estimates, in simulated logs in open and closed loop.
 
     python -m scripts.studies.process_noise --seeds 50 --jobs 2 --out FOLDER
     python -m scripts.studies.process_noise --part 'clean: *' 'names: glider, *' --times 3 --out OTHER_FOLDER
 
-Ornstein-Uhlenbeck accelerations push every velocity of the vehicle, with correlation times of 5 to 120 s, in proportion
-to how much it varies, and as strongly as makes the true model's free runs err by `times` the noise of the leading
-sensor. In closed loop the controller steers against them, by what the sensors say, or, in the loop `exact`, by the true
-state, which no log shows; in open loop the commands are those of a run without them. Four families: a glider's heading,
-a float's depth, two torpedoes; the one that is unstable by itself has no open loop.
+Ornstein-Uhlenbeck accelerations push every velocity of the vehicle, in proportion to its spread, with correlation times
+of 5 to 120 s. Their strength makes the free runs of the true model err by `times` the noise of the leading sensor. In
+closed loop the controller acts on the sensors or, in the loop `exact`, on the true state, which no log shows. In open
+loop the commands are those of a run without process noise. The vehicles are a glider's heading, a float's depth and two
+torpedoes, one of which is unstable and has no open loop.
 
-parameters: an effect of 5 to 10 standard errors and the coefficients, 10 % off at first, fitted with process noise and
-by free runs alone; bias over the stated standard error (of an effect away from neutral), coverage of 95 % intervals,
-and the process noise found, of accelerations that add a tenth of a sensor's variance to free runs by themselves.
+parameters: an effect of 5 to 10 standard errors and the coefficients, initially 10 % off, are fitted with process noise
+and by free runs alone. The tables give the bias over the stated standard error (of an effect, away from neutral), the
+coverage of 95 % intervals, and estimates of accelerations that alone add a tenth of a sensor's variance to free runs.
 clean: diagnoses of the vehicle as it is.  names: diagnoses of a vehicle with one effect.
 """
 

@@ -1,11 +1,11 @@
-"""An effect that begins in mid-episode: policies that do not notice it, and one that a monitor exchanges.
+"""An effect that begins in mid-episode: fixed policies, compared with one that is replaced after a monitor's alarm.
 
     python -m scripts.studies.rl.in_flight --out in_flight --seeds 5
 
-A glider holds headings for three hours; after one hour something begins that nobody declared.  `switched` flies the
-policy of the believed vehicle.  A monitor watches it, and after an alarm the stretch about it is searched for what
-has begun; a policy trained on the vehicle with that effect then takes over.  `informed` does the same at once and
-with the true vehicle, which nobody can at sea.  The others fly one policy throughout.
+A glider holds headings for three hours; after one hour an undeclared effect begins. `switched` begins with the policy
+of the believed vehicle, watched by a monitor. After an alarm, a search looks for an effect that has begun; a policy
+trained on the vehicle with that effect then takes over. `informed` takes the policy of the true vehicle at the onset,
+which is impossible at sea. The others use one policy throughout.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
-"""What a policy loses when it was trained on a model instead of the true vehicle, and how much a diagnosis gives back.
+"""The loss of a policy trained on a model instead of the true vehicle, and how much of it a diagnosis recovers.
 
     python -m scripts.studies.rl --out rl --jobs 2                               about an hour
     python -m scripts.studies.rl --out tiny --steps 4096 --seeds 1 --episodes 3
     python -m scripts.studies.rl --out rl --case 'glider, *'
 
 In each scenario the true vehicle has an effect that its modeller does not know of. Policies are trained on the true
-vehicle, on models identified from its log, on the believed vehicle, on the vehicle that `diagnose` makes of that log
-and the believed one, and with domain randomisation about the believed one; each is judged on the true vehicle, on the
-same episodes. Beside the runs the folder keeps logs, models and policies.
+vehicle, on models identified from its log, on the believed vehicle, on the vehicle that `diagnose` derives from the log
+and the believed vehicle, and with domain randomisation about the believed vehicle. Each is evaluated on the true
+vehicle, in the same episodes. The folder also keeps logs, models and policies.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Fits of a campaign: the right runs, the truth recovered, files that come back, and failures that stay alone."""
+"""Tests of a campaign's fits: the right runs, recovery of the truth, files that can be read, and isolated failures."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""The gains of a campaign: tuned for what a fit found, not tuned twice, and none where the fit is of no use."""
+"""Tests of a campaign's gains: tuned once for the fitted vehicle, and left out if the fit is unusable."""
 
 import json
 import shutil

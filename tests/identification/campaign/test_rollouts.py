@@ -1,4 +1,4 @@
-"""Rollouts of a campaign: models follow the vehicle with its inputs and with its controller, as well as they should."""
+"""Tests of a campaign's rollouts: models follow the vehicle accurately, with its inputs and with its controller."""
 
 import json
 

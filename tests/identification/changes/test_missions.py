@@ -1,4 +1,4 @@
-"""What has changed between missions: named on the side where it is, and not where it is on both."""
+"""Tests of changes between missions: an effect is named for the mission that has it, and not if both have it."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""When an effect began, in a log in which it acts from a time on."""
+"""Tests of the time at which an effect begins within a log."""
 
 from dataclasses import replace
 from types import SimpleNamespace

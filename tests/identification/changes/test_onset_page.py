@@ -1,4 +1,4 @@
-"""The page and the picture of when effects act."""
+"""Tests of the page and the picture of the times at which effects act."""
 
 import json
 import re

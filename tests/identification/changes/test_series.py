@@ -1,4 +1,4 @@
-"""Trends over missions: the line with a scatter of its own, and a series that is stopped and goes on."""
+"""Tests of trends over missions: a line with its own scatter, and a series that is stopped and resumed."""
 
 import signal
 import subprocess

@@ -1,4 +1,4 @@
-"""The page and the sentences of a series of missions."""
+"""Tests of the page and the sentences of a series of missions."""
 
 from dataclasses import replace
 

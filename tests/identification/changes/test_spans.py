@@ -1,4 +1,4 @@
-"""Two times of an effect, from what it does from each time on."""
+"""Tests of two times of an effect, from its signatures from each time on."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What is measured of a fitted model: its poles, tests of its residuals, its error over time."""
+"""Tests of the measures of a fitted model: its poles, residual tests, and its error over time."""
 
 import numpy as np
 import pytest

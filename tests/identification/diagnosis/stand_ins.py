@@ -1,4 +1,4 @@
-"""A workbench that reads evidence from a table, and what it takes to fill it: for tests of what follows from it."""
+"""A workbench that reads evidence from a table, with its parts, for tests of decisions based on evidence."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PLANT = load_vehicle("slocum")
 
 
 def point_of(scores: Sequence[float] = (0.0,), vector: Sequence[float] = (), errors: np.ndarray | None = None) -> Point:
-    """A point that no filter came to, with these log-likelihoods of the rows."""
+    """A point without a filter, with given log-likelihoods of the rows."""
     rows, nothing = len(scores), np.zeros((len(scores), 1))
     given = nothing if errors is None else errors
     square = np.zeros((rows, 1, 1))
@@ -31,12 +31,12 @@ def point_of(scores: Sequence[float] = (0.0,), vector: Sequence[float] = (), err
 
 
 def state_of(plant: Plant, *paths: str) -> State:
-    """A state that nothing was run for."""
+    """A state made without any run."""
     return State(plant, paths, point_of())
 
 
 def with_probes(probes: Mapping[str, float], *others: str) -> State:
-    """A state with effects of so many probes; others: paths that are fitted, too."""
+    """A state with effects of given sizes, in probes; others: further fitted paths."""
     values = {p: spec_at(PLANT, p).neutral + n * spec_at(PLANT, p).probe for p, n in probes.items()}
     return state_of(replace_at(PLANT, values), *others, *probes)
 
@@ -52,11 +52,11 @@ def round_of(chosen: Trial) -> Round:
 
 @dataclass
 class Table:
-    """A workbench in which the evidence for a model depends only on which effects it has.
+    """A workbench in which the evidence for a model depends only on its effects.
 
-    likely: twice the log-likelihood, and that of parts foretold by the others, by the effects.
-    stable: whether free runs stay finite.  error: standard error of each size, in probes.  known: probes from neutral
-    that a fit may move an effect by.  asked: states fitted so far.
+    likely: by the effects, twice the log-likelihood, and that of parts predicted from the others.
+    stable: whether free runs stay finite.  error: standard error of each size, in probes.  known: farthest distance
+    from neutral in a fit, in probes.  asked: states fitted so far.
     """
 
     likely: Mapping[frozenset[str], tuple[float, float]]

@@ -1,4 +1,4 @@
-"""Logs that begin while an actuator is still on its way: nobody knows where it stood, and nothing may be made of it."""
+"""Tests of logs that begin while an actuator moves: its unknown position must not look like an effect."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Extras of a diagnosis that fail: the result stays, and every file says what is not in it."""
+"""Tests of extras of a diagnosis that fail: the result stays, and every file states what is missing."""
 
 import json
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""What a vehicle file says of its coefficients' uncertainty is what a diagnosis allows them."""
+"""Tests of the stated uncertainty of coefficients: a vehicle file's deviations are the priors of a diagnosis."""
 
 import json
 from dataclasses import replace
@@ -24,7 +24,7 @@ BARE = replace(load_vehicle("slocum"), deviations={})
 
 @pytest.fixture(scope="module")
 def log():
-    """A glider whose rudder does 35 % more than it is believed to."""
+    """A glider whose rudder is 35 % more effective than believed."""
     truth = replace_at(BARE, "hull.n_delta", 1.35 * BARE.hull.n_delta)
     return closed_loop(truth, rng=np.random.default_rng(11), duration=900.0)
 

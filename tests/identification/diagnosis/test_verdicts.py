@@ -1,4 +1,4 @@
-"""Verdicts on torpedoes, wrong coefficients, mislabelled logs and causes outside the library; and their repetition."""
+"""Tests of verdicts on torpedoes, wrong coefficients, mislabelled logs and unknown causes, and of their repetition."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Simulated dives of a glider, and what is found in dives that an independent simulator made."""
+"""Tests of simulated dives of a glider, and of diagnoses of dives by an independent simulator."""
 
 from math import cos, exp, radians, sin, sqrt
 

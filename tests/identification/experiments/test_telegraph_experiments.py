@@ -1,4 +1,4 @@
-"""Telegraph experiments with vehicles that hover: what is excited, what a log has, what is identified from it."""
+"""Tests of telegraph experiments with hovering vehicles: the excitation, the log, and the models identified from it."""
 
 import tomllib
 from functools import cache

@@ -1,4 +1,4 @@
-"""Readings averaged over rows of samples: exact in what they are compared with, and at nearly no loss."""
+"""Tests of readings averaged over rows of samples: exact model means, and hardly any loss of information."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ PATHS = (*COEFFICIENTS, OFFSET)
 
 
 def dense_log(seed: int, rows: int = 6000, push: float = 0.0, noise: float = 1.0, **changes: float) -> Record:
-    """A glider that is read ten times a second, under a rudder that jumps every other second."""
+    """A glider logged at 10 Hz under a rudder that steps every other second."""
     plant: Plant = replace_at(GLIDER, {OFFSET: 0.03} | changes)
     rng, hold = np.random.default_rng(seed), 17
     inputs = np.zeros((rows, len(plant.inputs)))
@@ -88,7 +88,7 @@ def test_rows_are_whole_and_means_are_of_the_readings_that_there_are():
 
 @pytest.mark.parametrize("stride", [1, 3])
 def test_what_a_blank_cell_was_filled_with_is_no_reading(stride):
-    """A sensor of half the rate in a table of all rates has blanks; lines drawn over them are no measurement."""
+    """A sensor of half the rate leaves blanks in a table; interpolated values in them are no readings."""
     time = 0.5 * np.arange(12)
     blank = np.where(np.arange(12) % 2, np.nan, np.arange(12.0) ** 2)
     record = Record.from_arrays(time, {"heading_rad": 0.1 * time, "r_radps": blank[:11].tolist() + [121.0]})
@@ -112,7 +112,7 @@ def test_single_samples_are_read_as_they_are():
 
 @pytest.mark.parametrize("stride", [2, 5, 7])
 def test_a_row_has_the_mean_of_the_outputs_at_its_samples(stride):
-    """Exactly, whatever the commands do within it, and up to the end of each segment."""
+    """This is exact for any commands within the row, and up to the end of each segment."""
     plant = replace_at(GLIDER, {LAG: 0.25, "effects.rudder.dead_time": 0.13})
     rng, rows = np.random.default_rng(3), 8 * stride
     channels = {"rudder_rad": rng.uniform(-0.3, 0.3, 2 * rows), "u_mps": np.full(2 * rows, 0.5)}
@@ -136,13 +136,13 @@ def test_the_right_model_predicts_means_without_an_error(stride):
     truth = replace_at(GLIDER, OFFSET, 0.03)
     logs = np.log(np.r_[0.01, 0.003, 1e-9 * problem.unit, np.full(len(problem.pushed), 20.0)])
     point = problem.point(truth.vector, logs)
-    # what the likeliest start leaves; means of ten samples are off by a hundred times that from their middles
+    # the rest is due to the likeliest start; a mean of ten samples differs a hundred times more from its middle sample
     assert np.abs(point.innovations).max() < 2e-5
 
 
 @pytest.mark.slow
 def test_a_filter_of_means_says_the_same_as_surely(pushed):
-    """Of the same log, with and without: estimates to a share of their errors, which hardly grow, and noises."""
+    """With and without averages, a log gives nearly the same estimates, standard errors and noises."""
     (single, point), (means, other) = solved(pushed, 1), solved(pushed, 4)
     assert len(means.rows) == len(single.rows) // 4
     errors, scales = errors_of(single, point), np.array([single.scale(p) for p in PATHS])
@@ -156,7 +156,7 @@ def test_a_filter_of_means_says_the_same_as_surely(pushed):
 
 
 def test_gains_at_the_end_of_a_row_are_those_of_the_filter(pushed):
-    """The vehicle corrected so moves with its starts as the linear filter does, pushes and all."""
+    """The corrected vehicle moves with its starts as the linear filter does, including accelerations."""
     problem, point = solved(pushed, 5)
     linear = start_slopes(point.system, point.gains, point.whiten, np.exp(point.logs[-len(problem.pushed) :]))
     run, owners = problem._run_starts(point)
@@ -215,7 +215,7 @@ def test_what_is_lost_is_what_was_allowed(monkeypatch):
     point = single.solve(GLIDER, COEFFICIENTS)
     there = means.point(point.vector, point.logs)
     grown = strides._variances(means, there, paths, ()) / strides._variances(single, point, paths, ())
-    assert np.all(grown < 1.0 + 1.2 * strides.MOST_LOST)  # the noises of a first guess are not those of the fit
+    assert np.all(grown < 1.0 + 1.2 * strides.MOST_LOST)  # first guesses of noises differ from the fitted ones
 
 
 def test_an_effect_that_shows_plainly_may_lose_more(monkeypatch):
@@ -240,12 +240,12 @@ def test_short_records_and_short_windows_are_read_sample_by_sample():
 
 
 def test_no_record_has_more_rows_than_a_fit_could_get_through(monkeypatch):
-    """Whatever longer rows lose; among those that are long enough, the loss decides."""
+    """The limit holds whatever longer rows lose; among rows that are long enough, the loss decides."""
     record = dense_log(7, 6000)
     monkeypatch.setattr(strides, "LEAST_ROWS", 300)
     monkeypatch.setattr(strides, "MOST_LOST", 1e-9)
     monkeypatch.setattr(strides, "MOST_ROWS", 1000)
-    assert stride_for(GLIDER, record, whole(record), COEFFICIENTS) == 7  # the first that is at least 6
+    assert stride_for(GLIDER, record, whole(record), COEFFICIENTS) == 7  # the first stride of at least 6
     monkeypatch.setattr(strides, "MOST_ROWS", 3000)
     assert stride_for(GLIDER, record, whole(record), COEFFICIENTS) == 1
     monkeypatch.setattr(strides, "MOST_LOST", 1e9)
@@ -254,11 +254,11 @@ def test_no_record_has_more_rows_than_a_fit_could_get_through(monkeypatch):
 
 @pytest.mark.parametrize("stride", [4, 10])
 def test_what_pushes_a_vehicle_within_a_row_leaves_its_errors_white(stride):
-    """An acceleration that gains more between two readings than their mean is noisy: it acts at each of them."""
+    """The acceleration changes more between readings than their mean is noisy, so that it must act at each of them."""
     log, plant = dense_log(5, push=0.02), replace_at(GLIDER, {OFFSET: 0.03})
     problem = PredictionErrors(plant, log, whole(log), stride=stride)
     point = problem.solve(plant, ())
-    for errors in point.errors.T:  # 0.17 where half of it acts before the row and half after it
+    for errors in point.errors.T:  # 0.17 if half of it acted before the row and half after it
         assert abs(whiteness(errors, problem.stretch_of_row).correlation[0]) < 0.06
     size, _ = problem.noise_at(point).process["r_radps"]
     assert size == pytest.approx(0.02, rel=0.1)

@@ -1,4 +1,4 @@
-"""Vehicles whose parameters change along a record: runs in pieces, and what they must be equal to."""
+"""Tests of vehicles whose parameters change along a record: runs in pieces equal their references."""
 
 import numpy as np
 import pytest
@@ -25,10 +25,10 @@ def changing(plant, paths, edge, shares):
 
 
 def test_programs_are_compiled_for_one_layout_in_memory(glider):
-    """Another order of rows and columns would be compiled for itself, which takes ten seconds."""
+    """Another memory layout would trigger another compilation, which takes ten seconds."""
     plant, record = glider
     rollout = bind_family(plant.family).rollout
-    known = len(getattr(rollout, "signatures", []))  # of tests before; plain Python has none
+    known = len(getattr(rollout, "signatures", []))  # from earlier tests; plain Python has none
     two = PredictionErrors(plant, record, record.segments)
     one = PredictionErrors(plant, record.without({*record.names} - {*plant.inputs, "heading_rad"}), record.segments)
     assert len(two.channels) > len(one.channels) == 1
@@ -120,7 +120,7 @@ def test_a_vehicle_that_changes_may_change_in_other_forms_too(glider):
 
 
 def test_a_change_may_change_itself_where_it_acts(glider):
-    """One that begins at a quarter, doubled from half way on."""
+    """The change begins at a quarter of the record, and doubles from half-way on."""
     plant, record = glider
     quarter, half = len(record) // 4, len(record) // 2
     whole, more = change("after", OFFSET), change("late", change("after", OFFSET))
@@ -128,7 +128,7 @@ def test_a_change_may_change_itself_where_it_acts(glider):
     both = ChangingPlant.of(first, {"late": [whole]}, {"late": Course((half,), (0.0, 1.0))})
     both = replace_at(both, {whole: 0.03, more: 0.03})
     assert [value_at(both.at_row(row), OFFSET) for row in (0, quarter, half)] == pytest.approx([0.0, 0.03, 0.06])
-    early = replace_at(both, {whole: 0.0, more: 0.03})  # nothing acts of it before it begins itself
+    early = replace_at(both, {whole: 0.0, more: 0.03})  # a change of a change is zero before the latter begins
     assert value_at(early.at_row(quarter), OFFSET) == 0.0
     stepwise = ChangingPlant.of(
         plant,

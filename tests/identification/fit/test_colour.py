@@ -1,4 +1,4 @@
-"""The colour of residuals, which fitted starts took some of, and residuals without it."""
+"""Tests of the colour of residuals, allowing for fitted starts, and of whitened residuals."""
 
 from types import SimpleNamespace
 
@@ -12,7 +12,7 @@ from identification.fit.shooting import Point
 
 
 def stand_in(lengths, channels=1, starts=0):
-    """Windows of rows as a problem of so many channels, all measured."""
+    """Windows of rows as a problem whose channels are all measured."""
     rows = int(np.sum(lengths))
     return SimpleNamespace(
         windows=tuple(lengths),
@@ -46,7 +46,7 @@ def test_the_colour_of_a_first_order_process_is_found_although_starts_took_some_
 
 @pytest.mark.parametrize("phi", [(0.0, 0.0), (0.7, 0.0), (0.95, 0.4)])
 def test_squares_of_whitened_residuals_are_those_of_the_correlations_written_out(phi):
-    """A first-order process of a unit's variance correlates by phi^|i - j| within the windows, and not between them."""
+    """A first-order process of unit variance has correlations phi^|i - j| within windows, and none between them."""
     lengths, values = (30, 17, 45), np.random.default_rng(0).standard_normal((92, 2))
     found = whitened(stand_in(lengths, 2), values, np.array(phi))
     for c, p in enumerate(phi):

@@ -1,4 +1,4 @@
-"""The extended Kalman filter of a vehicle: as an independent one, true to its linearisation, the same from anywhere."""
+"""Tests of a vehicle's extended Kalman filter against an independent one, its linearisation, and other starts."""
 
 from dataclasses import replace
 
@@ -15,11 +15,11 @@ from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.strides import stride_for
 
 SENSORS = {"heading_rad": 0.01, "r_radps": 0.003, "u_mps": 0.01, "roll_rad": 0.01, "pitch_rad": 0.01, "depth_m": 0.03}
-DRAG, NONE = "hull.surge.u_u", -50.0  # the logarithm of an acceleration that is none
+DRAG, NONE = "hull.surge.u_u", -50.0  # the logarithm of a negligible acceleration
 
 
 def torpedo_log(rows: int, seed: int = 0, dt: float = 0.1) -> Record:
-    """A torpedo under fins and a propeller that jump."""
+    """A torpedo under steps of its fins and its propeller."""
     plant, rng = replace(load_vehicle("remus100"), dt=dt), np.random.default_rng(seed)
     inputs = np.zeros((rows, len(plant.inputs)))
     for j, name in enumerate(plant.inputs):
@@ -39,7 +39,7 @@ def torpedo_log(rows: int, seed: int = 0, dt: float = 0.1) -> Record:
 
 
 def problem_of(plant: Plant, log: Record, stride: int = 1) -> tuple[PredictionErrors, np.ndarray]:
-    """The filter of a log and noises: of its channels as they are, and nothing that pushes the vehicle."""
+    """The filter of a log, and noises: first guesses for the channels, and no accelerations."""
     rows = len(log) // stride * stride
     problem = PredictionErrors(plant, log, [slice(0, rows)], stride=stride)
     logs = problem.first_noise()
@@ -48,7 +48,7 @@ def problem_of(plant: Plant, log: Record, stride: int = 1) -> tuple[PredictionEr
 
 
 def by_covariances(plant: Plant, log: Record, problem: PredictionErrors, logs: np.ndarray) -> np.ndarray:
-    """Scores by a filter of a few lines: covariances and not their roots, all readings of a row at once, no pushes."""
+    """Scores by a short reference filter with covariances instead of roots, joint readings, and no accelerations."""
     live, count = problem.live, len(problem.channels)
     assert (live < len(plant.family.states)).all()
     noise, probes, columns = np.diag(np.exp(2.0 * logs[:count])), problem._probes(live), problem.columns
@@ -90,20 +90,20 @@ def test_it_is_an_extended_kalman_filter():
 
 @pytest.mark.parametrize("stride", [1, 3])
 def test_a_filter_far_from_its_record_is_as_likely_as_its_linearisation(stride):
-    """Whose path is the filter's own: with rows of several samples that of before their readings."""
+    """It is linearised along the filter's own path; for rows of several samples, along that before their readings."""
     plant, log = replace(load_vehicle("remus100"), dt=0.1), torpedo_log(300)
     problem, logs = problem_of(plant, log, stride)
     near, (linear, run) = (filtered(problem, replace_at(plant, DRAG, d).vector, logs) for d in (-1.62, -2.5))
-    assert run.sum() < near[1].sum() - 300.0  # it is far
+    assert run.sum() < near[1].sum() - 300.0  # it is far from the record
     assert linear == pytest.approx(run, abs=1e-3 * np.abs(run).max())
 
 
 @pytest.mark.parametrize("readings", [0, 3], ids=["accelerations", "readings"])
 @pytest.mark.parametrize("stride", [1, 3])
 def test_a_filter_in_a_swell_is_as_likely_as_its_linearisation(stride, readings):
-    """The vehicle run with the filter's gains, its accelerations turning in pairs, is the linear system of these.
+    """The vehicle run with the filter's gains and rotating pairs of accelerations equals the linear system.
 
-    So it is where readings err in the same way.
+    The same holds for sensor errors of this kind.
     """
     plant, log = replace(load_vehicle("remus100"), dt=0.1), torpedo_log(300)
     problem, _ = problem_of(plant, log, stride)
@@ -115,12 +115,12 @@ def test_a_filter_in_a_swell_is_as_likely_as_its_linearisation(stride, readings)
     assert linear == pytest.approx(run, abs=1e-3 * np.abs(run).max())
     still = replace(problem._followed_system(plant.vector, problem._numbers(logs), problem.starts, problem.widest))
     fading = run_filter(replace(still, turns=None), *problem._numbers(logs)).scores
-    assert np.abs(linear - fading).max() > 0.1  # it makes a difference
+    assert np.abs(linear - fading).max() > 0.1  # the rotation makes a difference
 
 
 @pytest.mark.slow
 def test_it_is_the_same_from_anywhere():
-    """Once its starts have settled, at noises that suit it: an unstable vehicle takes a few passes."""
+    """This holds once the starts have converged, at suitable noises; an unstable vehicle needs a few passes."""
     plant, log = replace(load_vehicle("remus100"), dt=0.1), torpedo_log(300)
     problem, _ = problem_of(plant, log, 3)
     here, totals = problem.solve(plant, ()), []
@@ -133,7 +133,7 @@ def test_it_is_the_same_from_anywhere():
 
 
 def test_a_change_along_the_record_is_followed():
-    """Before it the vehicle is as it was, and one that changes at the first row is another one."""
+    """Before the change the vehicle is the original one; with a change at the first row, it is the other one."""
     plant, log = replace(load_vehicle("remus100"), dt=0.1), torpedo_log(300)
     other, size = replace_at(plant, DRAG, -2.5), -2.5 - plant.parameters.hull.surge.u_u
     problem, logs = problem_of(plant, log)

@@ -1,4 +1,4 @@
-"""Grey box: recovery with honest intervals, and clear words where the data cannot tell."""
+"""Tests of the grey box: recovery with correct intervals, and clear messages about undetermined parameters."""
 
 from math import radians
 
@@ -20,7 +20,7 @@ TRUTH = {"effects.yaw.moment": 0.01, "effects.compass.lag": 1.5}
 def slocum_log(
     seed: int, noise: float = radians(0.5), colour: float = 0.0, truth=TRUTH, duration: float = 600.0
 ) -> Record:
-    """Heading log of a Slocum with known effects; white compass noise, or coloured noise of the same innovations."""
+    """Heading log of a Slocum with known effects; white compass noise, or coloured noise with the same innovations."""
     rng = np.random.default_rng(seed)
     plant = replace_at(load_vehicle("slocum"), truth)
     record = closed_loop(plant, rng=rng, duration=duration, compass_noise=0.0 if colour else noise, track_noise=None)
@@ -31,7 +31,7 @@ def slocum_log(
 
 
 def coverage(seeds, colour: float = 0.0) -> np.ndarray:
-    """Share of the seeds whose 95 % interval holds the truth, by free path."""
+    """Share of the seeds whose 95 % interval contains the truth, by free path."""
     plant = load_vehicle("slocum")
     truth = replace_at(plant, TRUTH)
     hits = np.zeros(len(FREE))
@@ -48,7 +48,7 @@ def test_exact_data_give_the_exact_parameters():
     truth = replace_at(plant, changes)
     fit = GreyBox(plant, list(changes)).fit(slocum_log(0, noise=0.0, truth=changes))
     for path in changes:
-        # difference quotients of 1 % of a scale end the iteration at about a millionth of the value
+        # with differences over 1 % of a scale, the iteration ends at about a millionth of the value
         assert value_at(fit.model, path) == pytest.approx(value_at(truth, path), rel=1e-4)
 
 
@@ -144,7 +144,7 @@ def test_a_vehicle_in_six_degrees_of_freedom_is_fitted_on_all_its_channels():
 
 
 def test_stiction_is_found_by_its_size():
-    """From next to none, no slope leads to it."""
+    """From a value near zero, no slope leads to it."""
     plant, path = load_vehicle("slocum"), "effects.rudder.stiction"
     true = replace_at(plant, {path: 0.12, "hull.n_r": 1.1 * plant.hull.n_r})
     record = closed_loop(true, rng=np.random.default_rng(4), duration=1200.0, track_noise=None)

@@ -1,4 +1,4 @@
-"""Water that rises and sinks with a glider: waves of minutes are told as such, and what lasts longer is no noise."""
+"""Tests of rising and sinking water around a glider: waves of minutes are recognised, and longer motion is no noise."""
 
 import numpy as np
 import pytest
@@ -25,12 +25,12 @@ def still() -> Record:
 
 
 def steps_of(record: Record) -> np.ndarray:
-    """Time from each sample to the next, s; dives follow each other at once."""
+    """Time from each sample to the next, s; dives follow each other immediately."""
     return np.maximum(np.diff(record.time, append=record.time[-1]), 10.0)
 
 
 def carried(record: Record, speed: np.ndarray) -> Record:
-    """The record in water that sinks with a speed, (n,), m/s."""
+    """The record in water that sinks with given speeds, (n,), m/s."""
     return record.with_channels({"depth_m": record["depth_m"] + np.cumsum(speed * steps_of(record))})
 
 
@@ -40,7 +40,7 @@ def waves(record: Record, rng: np.random.Generator) -> np.ndarray:
 
 
 def drifts(record: Record, lasting: float, size: float, rng: np.random.Generator) -> np.ndarray:
-    """Random drifts of a standard deviation, m/s, with a correlation time, s."""
+    """Random drifts with given standard deviation, m/s, and correlation time, s."""
     found, kept = np.zeros(len(record)), np.exp(-steps_of(record) / lasting)
     found[0] = size * rng.standard_normal()
     for k, share in enumerate(kept[:-1]):

@@ -1,4 +1,4 @@
-"""What parts of a record foretell of each other; intervals where errors are coloured or noise is unknown."""
+"""Tests of predictions of parts from each other, and of intervals for coloured errors or unknown noise."""
 
 from dataclasses import dataclass, field, replace
 
@@ -20,9 +20,9 @@ COUNT = 4000
 
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """A problem of one channel whose slopes are given.
+    """A problem of one channel with given slopes.
 
-    slopes: (P, rows).  basis: (rows, m), orthonormal, what starts can do.  rates: (P,), 1 over what was known before.
+    slopes: (P, rows).  basis: (rows, m), orthonormal, of changes by starts.  rates: (P,), 1 over prior deviations.
     """
 
     slopes: np.ndarray
@@ -45,13 +45,13 @@ class Regression:
 
 
 def coloured(phi: float, seed: int = 0) -> np.ndarray:
-    """Errors of unit variance, each with a share of the one before."""
+    """First-order autoregressive errors of unit variance; phi: their correlation from row to row."""
     innovations = np.sqrt(1.0 - phi**2) * np.random.default_rng(seed).standard_normal(COUNT + 200)
     return np.asarray(lfilter([1.0], [1.0, -phi], innovations))[200:]
 
 
 def variances(errors: np.ndarray, stretch: np.ndarray | None = None, **settings) -> np.ndarray:
-    """What is said of a mean and of a slope that alternates from row to row, over what white errors would give."""
+    """Stated variances of a mean and of a slope of alternating sign, over those for white errors."""
     slopes = np.stack([np.ones(COUNT), np.where(np.arange(COUNT) % 2, 1.0, -1.0)])
     problem = Regression(slopes, np.zeros(COUNT, dtype=int) if stretch is None else stretch, **settings)
     point = point_of([0.0] * COUNT, errors=errors[:, None])
@@ -59,7 +59,7 @@ def variances(errors: np.ndarray, stretch: np.ndarray | None = None, **settings)
 
 
 def test_errors_that_follow_each_other_widen_the_interval_of_what_they_look_like():
-    """By the sum of the correlations with Bartlett's weights over 10 lags; the alternating slope is no less sure."""
+    """The factor is the sum of correlations with Bartlett's weights over 10 lags; the alternating slope keeps 1."""
     lags = np.arange(1, 11)
     widened = 1.0 + 2.0 * float(((1.0 - lags / 11.0) * 0.8**lags).sum())
     mean, alternating = variances(coloured(0.8))
@@ -72,13 +72,13 @@ def test_errors_that_follow_each_other_widen_the_interval_of_what_they_look_like
 
 def test_intervals_of_white_errors_are_those_of_the_information():
     assert variances(coloured(0.0)) == pytest.approx([1.0, 1.0], abs=0.15)  # 10 lags of 4000 scores
-    # errors half as large as they should be narrow no interval
+    # errors half as large as expected do not narrow an interval
     assert variances(0.5 * coloured(0.0)) == pytest.approx([1.0, 1.0])
 
 
 def test_errors_at_either_side_of_a_gap_have_nothing_to_do_with_each_other():
     whole, cut = (variances(coloured(0.8), stretch)[0] for stretch in (None, np.arange(COUNT) // 2))
-    assert cut == pytest.approx(1.0 + 10.0 / 11.0 * 0.8, rel=0.1)  # a half of the pairs of neighbours
+    assert cut == pytest.approx(1.0 + 10.0 / 11.0 * 0.8, rel=0.1)  # half of the pairs of neighbours
     assert cut < 0.5 * whole
 
 
@@ -91,17 +91,17 @@ def test_what_starts_can_imitate_is_no_information_and_what_was_known_is():
 
 
 def test_what_starts_all_but_imitate_neither_narrows_nor_widens_an_interval():
-    """Of a slope of 1e9 a millionth is left: rounding, by which errors seemed to pull a thousand times their due."""
+    """A millionth of a slope of 1e9 is left: rounding error, which must not count as information."""
     start = np.full((COUNT, 1), COUNT**-0.5)
     rounding = np.random.default_rng(1).standard_normal((1, COUNT)) * COUNT**-0.5
     problem = Regression(1e9 * start.T + 1e3 * rounding, np.zeros(COUNT, dtype=int), start, rates=1.0)
     point = point_of([0.0] * COUNT, errors=coloured(0.0)[:, None])
     told = information_of(problem, point, ("imitated",))  # type: ignore[arg-type]
-    assert told.covariance == pytest.approx(np.ones((1, 1)))  # what was known
+    assert told.covariance == pytest.approx(np.ones((1, 1)))  # the prior
 
 
 def test_a_path_of_which_much_was_known_leaves_another_as_it_is():
-    """It does nothing to the readings, so that in units of what it does all that is known of it is vast."""
+    """The path has no effect on the readings, so that its prior is huge in units of its slopes."""
     slopes = np.stack([np.ones(COUNT), np.zeros(COUNT)])
     problem = Regression(slopes, np.zeros(COUNT, dtype=int), rates=np.array([0.0, 1e4]))
     point = point_of([0.0] * COUNT, errors=np.zeros((COUNT, 1)))
@@ -114,7 +114,7 @@ PARTS = [[slice(0, 200)], [slice(200, 320)], [slice(320, 500)]]
 
 @pytest.fixture(scope="module")
 def fitted():
-    """A glider's offset, fitted to three parts of a log."""
+    """A glider's rudder offset, fitted to a log of three parts."""
     log = glider_log(3)
     problem = PredictionErrors(GLIDER, log, [slice(0, 500)])
     return problem, problem.solve(replace_at(GLIDER, OFFSET, 0.02), [OFFSET])
@@ -136,11 +136,11 @@ def test_a_part_is_as_likely_as_on_average_over_what_the_others_leave_open(fitte
         weights = np.exp(others - others.max()) / np.exp(others - others.max()).sum()
         expected = np.log(weights @ np.exp(own[:, k] - own[:, k].max())) + own[:, k].max()
         assert found[k] == pytest.approx(expected, abs=0.1)
-    assert abs(found.sum() - point.scores.sum()) > 0.3  # what it is with the parameter as it was fitted
+    assert abs(found.sum() - point.scores.sum()) > 0.3  # the sum of scores at the fitted parameter
 
 
 class Line(Regression):
-    """One parameter, of which ten rows tell."""
+    """One parameter with information in ten rows."""
 
     def total(self, point) -> float:
         return float(point.scores.sum())
@@ -157,7 +157,7 @@ class Line(Regression):
 
 @pytest.fixture(scope="module")
 def line():
-    """Slopes and errors, and what four, three and three of the rows tell."""
+    """Slopes and errors, and the information in parts of four, three and three rows."""
     rng = np.random.default_rng(0)
     slopes, errors = rng.uniform(0.5, 1.5, (1, 10)), rng.standard_normal(10) + 2.0
     problem = Line(slopes, np.zeros(10, dtype=int), np.zeros((10, 0)))
@@ -167,7 +167,7 @@ def line():
 
 
 def test_a_part_is_foretold_by_the_others(line):
-    """As likely as rows of which the others tell the parameter, by an exact regression."""
+    """The likelihood is that of an exact regression whose parameter is determined by the other rows."""
     slopes, errors, told = line
     for k, own in enumerate((slice(0, 4), slice(4, 7), slice(7, 10))):
         others = np.delete(np.arange(10), own)
@@ -187,7 +187,7 @@ def test_parameters_without_a_part_are_those_of_the_other_rows(line):
 
 
 def test_what_is_known_exactly_costs_nothing(fitted):
-    """Without a free parameter, and with one of which a spread of nothing is known, they are the rows' likelihoods."""
+    """Without a free parameter, or with one of zero prior deviation, the result is the likelihood of the rows."""
     problem, point = fitted
     own = [point.scores[problem.within(part) > 0.0].sum() for part in PARTS]
     assert told_by_part(problem, point, [], PARTS).foretold == pytest.approx(own)
@@ -208,9 +208,9 @@ def test_parameters_without_a_part_of_a_log_are_those_of_a_fit_without_it(fitted
 
 
 class Mean:
-    """A stand-in: the mean of random pushes of known strength and correlation time, whose information is their inverse.
+    """A stand-in: the mean of random pushes, whose variance is proportional to their strength squared and their time.
 
-    curvature: of the log-likelihood by the logarithms of both.  error: over its deviation, of the one reading.
+    curvature: of the log-likelihood by the logarithms of both.  error: of the one reading, over its deviation.
     """
 
     def __init__(self, curvature, pushing=(1, 2), error=0.0):
@@ -253,12 +253,12 @@ class Logs:
 
 
 def by_noise(problem) -> tuple[np.ndarray, np.ndarray]:
-    """Growth and freedom of a mean that is told to 1."""
+    """The growth and the degrees of freedom of a mean with unit information."""
     return _by_noise(problem, Logs(np.zeros(3)), ["mean"], np.zeros((1, 1)))  # type: ignore[arg-type]
 
 
 def test_a_noise_of_which_little_is_known_widens_intervals_as_student_did():
-    """The variance goes with the square of the strength and with the time: slopes of 2 and 1, of which all follows."""
+    """The variance is proportional to strength squared and to time, so that its logarithm has slopes of 2 and 1."""
     told, slopes = np.array([[20.0, -4.0], [-4.0, 6.0]]), np.array([2.0, 1.0])
     variance = slopes @ np.linalg.solve(told, slopes)
     growth, freedom = by_noise(Mean(told))
@@ -293,7 +293,7 @@ def test_what_is_not_known_of_a_noise_at_all_has_a_limit_and_without_any_nothing
 
 
 def test_an_estimate_that_moves_with_the_noise_is_less_sure_by_what_it_moves_by():
-    """An error of 0.5 over a deviation that goes with the strength and the root of the time, over steps of 0.2."""
+    """The error is 0.5 deviations, and the deviation grows with the strength and the root of the time; steps of 0.2."""
     told, slopes = np.array([[20.0, -4.0], [-4.0, 6.0]]), np.array([2.0, 1.0])
     moves = 0.5 * np.expm1([0.2, 0.1]) / 0.2
     expected = np.exp(0.5 * slopes @ np.linalg.solve(told, slopes)) + moves @ np.linalg.solve(told, moves)
@@ -310,12 +310,12 @@ def test_slow_pushes_leave_less_freedom_than_fast_ones():
         told = information_of(problem, point, [OFFSET])
         freedom.append(told.freedom[0])
         wider.append(told.covariance[0, 0] * told.alone[0, 0])
-    assert freedom[1] < 0.7 * freedom[0] < 30.0  # of 400 readings, which hold 80 or 7 correlation times
+    assert freedom[1] < 0.7 * freedom[0] < 30.0  # 400 readings hold some 80 or 7 correlation times
     assert 1.0 <= wider[0] < wider[1]
 
 
 def weakly_pushed(seed, push):
-    """A glider pushed slowly, and no more than a fit leaves out: problem, point, what is told of the rudder offset."""
+    """Problem, point and information on the rudder offset, for pushes so weak that the fit leaves them out."""
     log = glider_log(seed, push=push, tau=30.0, rows=400)
     problem = PredictionErrors(GLIDER, log, [slice(0, 400)])
     point = problem.solve(replace_at(GLIDER, OFFSET, 0.03), [OFFSET])
@@ -325,7 +325,7 @@ def weakly_pushed(seed, push):
 
 @pytest.mark.parametrize("seed", [116, 119, 122])
 def test_pushes_that_a_fit_leaves_out_widen_intervals(seed):
-    """An offset takes up what slow pushes do on average; without them it would be off by up to 14 standard errors."""
+    """The offset absorbs the mean of slow pushes; with their neglect it is off by up to 14 standard errors."""
     problem, point, told = weakly_pushed(seed, 0.0006)
     off = (point.vector[problem.index[OFFSET]] - 0.03) / problem.scale(OFFSET)
     assert abs(off) * np.sqrt(told.alone[0, 0]) > 2.5
@@ -356,7 +356,7 @@ def test_an_effect_with_a_corner_or_near_a_bound_has_the_interval_of_its_profile
 
     def profile(problem, point, paths, path, error, reach, way):
         asked.append((path, error, reach))
-        assert way == pytest.approx([0.0, 1.0] if path == lag else [1.0, 0.0])  # these two are told independently
+        assert way == pytest.approx([0.0, 1.0] if path == lag else [1.0, 0.0])  # the two are independent
         return -5.0, 5.0
 
     monkeypatch.setattr(intervals, "profile_interval", profile)
@@ -368,7 +368,7 @@ def test_an_effect_with_a_corner_or_near_a_bound_has_the_interval_of_its_profile
     assert asked == []
     within = point.vector.copy()
     within[problem.index[lag]] = 0.5 * sum(problem.bounds(lag))
-    assert problem.bounds(lag)[1] > 2.0 * problem.scale(lag)  # its interval is far within
+    assert problem.bounds(lag)[1] > 2.0 * problem.scale(lag)  # the interval is far within the bounds
     assert interval_of(problem, replace(point, vector=within), paths, lag, told)[0] == -5.0
     assert asked == [(lag, pytest.approx(0.2 * problem.scale(lag)), 2.5)]
     near = point.vector.copy()

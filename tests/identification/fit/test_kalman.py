@@ -1,4 +1,4 @@
-"""The filter against statsmodels, its gradient against differences, its stretches against filters of their own."""
+"""Tests of the filter against statsmodels, of its gradient, and of its stretches against separate filters."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ SWELL, PAIR = np.array([1.3, 0.0]), np.log([0.3, 0.5, 0.7, 0.4, 0.4, 3.0, 3.0]) 
 def system(
     seed: int = 0, begins: tuple[int, ...] = (0,), carried: tuple[int, ...] = (), dt: float | None = None
 ) -> System:
-    """A system that changes from row to row, with readings that are missing, and means of several."""
+    """A system that varies from row to row, with missing readings and averaged ones."""
     rng = np.random.default_rng(seed)
     a = np.concatenate([0.8 * np.eye(SOLID), rng.normal(size=(SOLID, PUSHED))], axis=1)
     a = a + 0.1 * rng.normal(size=(ROWS, SOLID, SIZE))
@@ -104,7 +104,7 @@ def test_the_likelihood_of_a_swell_is_that_of_statsmodels():
 
 @pytest.mark.parametrize("begins, carried", [((0, 15), ()), ((0,), (12, 25))])
 def test_the_gradient_by_a_swell_is_that_of_central_differences(begins, carried):
-    """Of both of a pair together, which have the same noises."""
+    """The gradient is that of both members of a pair, which share their noises."""
     s, weights = replace(system(2, begins, carried), turns=SWELL), np.random.default_rng(3).random(ROWS)
 
     def value(logs: np.ndarray) -> float:
@@ -132,7 +132,7 @@ def test_gains_and_whitened_errors_belong_to_the_rows_covariance():
 
 
 def test_the_gradient_is_exact_along_an_unstable_vehicle_that_hardly_anything_pushes():
-    # a place and two rates that swing and grow, as of a body that turns away from its course; a filter keeps to it
+    # a position and two growing oscillatory rates, as of a body that turns away from its course; a filter follows it
     rows, dt, scale = 400, 0.3, np.array([3e-3, 2e-3, 1e-3])
     a = np.repeat(np.array([[1.0, dt, 0.0, 0.0], [0.0, 1.1, 0.1, 0.0], [0.0, -0.1, 1.1, dt]])[None], rows, axis=0)
     c = np.repeat(np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.2, 0.0], [0.0, 0.3, 1.0, 0.0]])[None], rows, axis=0)
@@ -154,7 +154,7 @@ def test_the_gradient_is_exact_along_an_unstable_vehicle_that_hardly_anything_pu
     exact = slopes_of(s, run_filter(s, *split(logs)), np.ones(rows), *split(logs)).noises
     step = 1e-4
     numeric = [(value(logs + step * e) - value(logs - step * e)) / (2.0 * step) for e in np.eye(5)]
-    assert numeric[0] < -100.0  # the readings are better than these noises have it
+    assert numeric[0] < -100.0  # the readings are more precise than these noises say
     assert exact == pytest.approx(numeric, abs=1e-4)  # rounding and curvature of differences over 1e-4
 
 
@@ -226,7 +226,7 @@ def test_predictions_move_with_the_starts_as_those_of_the_filter_do(begins, carr
 
 def test_without_noise_of_motion_what_is_forgotten_stays_a_number():
     s = system(6)
-    s.a[:, :, :SOLID] *= 1e-5  # in 40 rows its variance would fall below the least number
+    s.a[:, :, :SOLID] *= 1e-5  # within 40 rows its variance would underflow
     quiet = np.r_[LOGS[:CHANNELS], -40.0, -40.0, LOGS[-PUSHED:]]
     made = run_filter(s, *numbers(quiet))
     assert np.isfinite(made.scores).all()
@@ -235,9 +235,9 @@ def test_without_noise_of_motion_what_is_forgotten_stays_a_number():
 
 @pytest.mark.parametrize("left_out", [(0,), (1,), (0, 1)])
 def test_an_acceleration_without_deviation_is_left_out_at_no_loss(left_out):
-    """As if its deviation were a billionth."""
+    """The result equals that for a deviation of a billionth."""
     s, (variances, deviations, times) = system(7, begins=(0, 15), carried=(28,)), numbers(LOGS)
-    s.origin[:, SOLID:] = 0.0  # as nothing is known of an acceleration beforehand
+    s.origin[:, SOLID:] = 0.0  # the initial mean of an acceleration is zero
     deviations[list(left_out)] = 0.0
     tiny = np.where(deviations > 0.0, deviations, 1e-9)
     found, other = run_filter(s, variances, deviations, times), run_filter(s, variances, tiny, times)

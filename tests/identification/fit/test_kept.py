@@ -1,4 +1,4 @@
-"""Slopes that are kept: the same numbers, and the vehicle is not run for them again."""
+"""Tests of kept slopes: the same numbers, without further runs of the vehicle."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from tests.identification.fit.test_averaging import COEFFICIENTS, GLIDER, OFFSET
 
 
 class Point:
-    """Anything that can be pointed at."""
+    """Any object that can be referenced weakly."""
 
 
 def columns(which):
@@ -26,7 +26,7 @@ def test_what_is_kept_is_not_made_again_and_the_rest_is():
         return columns(which)
 
     assert np.array_equal(kept.of(point, ["a", "b"], make), columns([0, 1]))
-    assert np.array_equal(kept.of(point, ["b", "c", "a"], make), columns([1, 1, 0]))  # c is the second of its call
+    assert np.array_equal(kept.of(point, ["b", "c", "a"], make), columns([1, 1, 0]))  # c is the second made
     assert made == [[0, 1], [1]]
 
 
@@ -82,7 +82,7 @@ def test_slopes_by_coefficients_that_change_are_zero_before_and_those_of_the_veh
     problem, point = fitted
     assert (
         problem.changing_slopes(point, COEFFICIENTS, np.ones(1200)) is None
-    )  # two coefficients are too few to hold responses
+    )  # two coefficients are too few for responses
     monkeypatch.setattr(sensitivities, "_MANY", 2)
     answered = problem.prepared(point, COEFFICIENTS)
     whole, later = (

@@ -1,4 +1,4 @@
-"""The filter's likelihood: free runs where nothing pushes, noises recovered where something does, slopes, starts."""
+"""Tests of prediction-error fits: equal to free runs without process noise, recovery of noises, slopes, starts."""
 
 from dataclasses import replace
 
@@ -27,15 +27,15 @@ GLIDER = load_vehicle("ganeshblue")
 SENSORS = {"heading_rad": 0.01, "r_radps": 0.003}
 OFFSET, COEFFICIENTS = "effects.rudder.offset", ("hull.n_r", "hull.n_delta")
 PATHS = (*COEFFICIENTS, OFFSET)
-PIECES = 16  # of a sample, in which the truth is pushed: its yaw rate decays to an eighth within one
+PIECES = 16  # steps of the truth within a sample, in which its yaw rate decays to an eighth
 
 
 def glider_log(
     seed: int, push: float = 0.006, tau: float = 15.0, rows: int = 500, gust: float = 1.0, **changes: float
 ) -> Record:
-    """A glider that a random yaw acceleration pushes, rad/s^2 and s, steered by a random telegraph.
+    """A glider under a random yaw acceleration (push, rad/s^2; tau, s), steered by a random telegraph.
 
-    gust: by how much more it is pushed from row 200 to 260.
+    gust: the factor of the acceleration from row 200 to 260.
     """
     plant: Plant = replace(replace_at(GLIDER, {OFFSET: 0.03} | changes), dt=GLIDER.dt / PIECES)
     rng, hold = np.random.default_rng(seed), 25
@@ -69,7 +69,7 @@ def pushed() -> Record:
 
 
 def test_what_pushes_the_vehicle_is_found():
-    """Its strength within a factor of 1.5, as a spread of 15 % of the estimate over seeds allows."""
+    """The strength is found within a factor of 1.5; its estimate scatters by 15 % over seeds."""
     for seed in range(4):
         log = glider_log(seed)
         problem = PredictionErrors(GLIDER, log, whole(log))
@@ -95,12 +95,12 @@ def test_estimates_scatter_by_what_is_said_of_them_where_free_runs_do_not():
             fit = GreyBox(GLIDER, PATHS, process=process).fit(log)
             found += [(fit[p].value - (0.03 if p == OFFSET else value_at(GLIDER, p))) / fit[p].error for p in PATHS]
     spread = {process: float(np.sqrt(np.mean(np.square(found)))) for process, found in scores.items()}
-    assert 0.6 < spread[True] < 1.5  # 12 logs of three parameters, two of which go together
+    assert 0.6 < spread[True] < 1.5  # 12 logs of three parameters, two of which correlate
     assert spread[False] > 1.3 * spread[True]
 
 
 def test_without_process_noise_the_fit_is_output_error():
-    """Either fit is as likely as the other, by the filter and by free runs over windows with fitted starts."""
+    """The fits by the filter and by free runs over windows with fitted starts are equally likely, by either measure."""
     log = glider_log(2, push=0.0)
     windows = log.windows(100.0)
     problem, shooting = PredictionErrors(GLIDER, log, windows, process=False), Shooting(GLIDER, log, windows)
@@ -109,7 +109,7 @@ def test_without_process_noise_the_fit_is_output_error():
     assert problem.total(other) == pytest.approx(problem.total(point), abs=0.05)
     cost = shooting.solve(problem.plant_at(point, PATHS), ()).cost
     assert cost == pytest.approx(runs.cost, abs=0.05)
-    # rows at the windows' starts know less than the fitted start does
+    # at the beginning of a window the filter knows less than the fitted start
     assert np.sqrt(np.mean(point.innovations**2, axis=0)) == pytest.approx(shooting.sigma(runs), rel=0.1)
 
 
@@ -119,7 +119,7 @@ def test_process_noise_that_tends_to_zero_gives_free_runs():
     true = replace_at(GLIDER, OFFSET, 0.03)
     point = problem.point(true.vector, problem.logs_of(Noise(SENSORS, {"r_radps": (1e-9, 15.0)})))
     runs = Shooting(true, log, whole(log)).solve(true, ())
-    # after a tenth of the log its start no longer matters to the filter
+    # after a tenth of the log the filter has forgotten its start
     assert point.innovations[50:] == pytest.approx(runs.residual[50:], abs=0.1 * SENSORS["heading_rad"])
 
 
@@ -159,7 +159,7 @@ def test_rows_that_are_not_counted_are_filtered_and_change_no_estimate(pushed):
 
 
 def test_a_compass_that_is_read_more_rarely_than_the_gyro_has_the_noise_that_it_has(pushed):
-    """Readings every 5 s, interpolated: they err by what a reading does, and there are so many of them."""
+    """The readings are interpolated from every 5 s; their error and their number are those of true readings."""
     rows = np.arange(len(pushed))
     joined = pushed.with_channels({"heading_rad": np.interp(rows, rows[::5], pushed["heading_rad"][::5])})
     told = PredictionErrors(GLIDER, joined.with_intervals({"heading_rad": 5.0}), whole(joined))
@@ -171,7 +171,7 @@ def test_a_compass_that_is_read_more_rarely_than_the_gyro_has_the_noise_that_it_
 
 
 def test_a_log_tells_no_more_at_a_higher_rate(pushed):
-    """Resampled to a third of its interval, it says the same, as surely."""
+    """Resampled to a third of its interval, a log gives the same estimates with the same precision."""
     found = []
     for log in (pushed, pushed.resample(GLIDER.dt / 3.0)):
         problem = PredictionErrors(GLIDER, log, whole(log))
@@ -182,14 +182,14 @@ def test_a_log_tells_no_more_at_a_higher_rate(pushed):
     errors = np.sqrt(np.diag(told.covariance))
     alone, other_alone = (np.sqrt(np.diag(np.linalg.inv(one.alone))) for one in (told, other_told))
     assert other_alone == pytest.approx(alone, rel=0.1)
-    # what estimates move by when the noise does is of second order in the noise, which is estimated anew
+    # the movement of estimates with the noise is of second order in the noise, which is estimated again
     assert np.sqrt(np.diag(other_told.covariance)) == pytest.approx(errors, rel=0.15)
     for path, error in zip(PATHS, errors * [problem.scale(p) for p in PATHS], strict=True):
         assert value_at(other, path) == pytest.approx(value_at(plant, path), abs=0.3 * error)
 
 
 def test_a_run_that_has_run_away_has_no_slope(pushed, monkeypatch):
-    """Numbers of which the squares are none would end a regression, or a fit, in an error."""
+    """Slopes whose squares overflow would end a regression, or a fit, in an error."""
     problem = PredictionErrors(GLIDER, pushed, whole(pushed))
     point = problem.point(GLIDER.vector, problem.first_noise())
     y, after = problem._follow(point.vector[None], point.starts, point.gains, point.logs, point.system, False)
@@ -209,7 +209,7 @@ def test_accelerations_that_a_filter_does_without_are_brought_back(pushed):
 
 
 def test_an_acceleration_that_is_far_too_strong_is_not_given_up_before_weaker_ones_are_tried():
-    """The likeliest of one strength for all axes may be far too strong for one: none is likelier, its own likelier."""
+    """A common strength for all axes may be far too large for one, so that none, but also a weaker one, is likelier."""
     log, plant = glider_log(0, push=0.0012), replace_at(GLIDER, {OFFSET: 0.03})
     problem = PredictionErrors(plant, log, whole(log))
     strong, first = problem.first_noise(), len(problem.channels)
@@ -242,7 +242,7 @@ def test_stretches_begin_with_their_likeliest_starts():
 
 @pytest.mark.parametrize("slope", [1e200, 1e90])
 def test_a_start_of_which_the_likelihood_has_no_slope_stays_where_it_is(pushed, monkeypatch, slope):
-    """Squares of what has run away are no numbers; their eigenvalues would end a fit in an error."""
+    """Squares of diverged slopes overflow; their eigenvalues would end a fit in an error."""
     problem = PredictionErrors(GLIDER, pushed, pushed.windows(100.0), process=False)
     slopes_of = filtering.slopes_of
 
@@ -263,7 +263,7 @@ def test_a_start_of_which_the_likelihood_has_no_slope_stays_where_it_is(pushed, 
 
 
 def test_readings_of_many_short_stretches_keep_their_noise():
-    """Each stretch meets its first readings exactly, which says nothing of how exact they are."""
+    """The likeliest start meets the first readings of a stretch exactly, which is no evidence of their precision."""
     record = glider_log(40)
     problem = PredictionErrors(GLIDER, record, [slice(k, k + 8) for k in range(0, len(record) - 8, 9)])
     noise = problem.noise_at(problem.solve(GLIDER, PATHS)).measurement
@@ -271,13 +271,13 @@ def test_readings_of_many_short_stretches_keep_their_noise():
 
 
 def test_the_likelihood_is_that_of_any_starts():
-    """The likeliest starts take up a part of what pushes; a linear filter from a wide start does not let them."""
+    """The likeliest starts absorb a part of the accelerations; a linear filter from a wide start prevents this."""
     log, plant = glider_log(60, push=0.002, tau=30.0, rows=400), replace_at(GLIDER, OFFSET, 0.03)
     problem = PredictionErrors(plant, log, [slice(k, k + 20) for k in range(0, 380, 21)])
     noises = [problem.logs_of(Noise(SENSORS, process)) for process in ({}, {"r_radps": (0.002, 30.0)})]
     points = [problem.point(plant.vector, logs) for logs in noises]
     linear = [problem.likelihood_of_noises(problem._first_system, p.logs) + COST * problem.is_pushed(p) for p in points]
-    for point in points:  # so do noises that are sought
+    for point in points:  # the same holds for the search of noises
         own = problem.likelihood_of_noises(point.system, point.logs) + COST * problem.is_pushed(point)
         assert problem.noise_slopes(point, point.logs)[0] == pytest.approx(own + problem._prior(point.logs)[0])
     first, second = (problem.marginal(p) for p in points)
@@ -287,7 +287,7 @@ def test_the_likelihood_is_that_of_any_starts():
 
 def test_better_noises_are_found_about_the_path_of_a_step_with_the_gains_held(pushed):
     problem = PredictionErrors(GLIDER, pushed, whole(pushed))
-    wrong = problem.solve(GLIDER, COEFFICIENTS)  # with accelerations in the place of the offset
+    wrong = problem.solve(GLIDER, COEFFICIENTS)  # with accelerations instead of the offset
     best = problem.solve(GLIDER, PATHS)
     stepped = problem.with_gains(wrong, best.vector)
     found = problem.renewed(stepped, stepped.logs, PATHS)
@@ -298,7 +298,7 @@ def test_better_noises_are_found_about_the_path_of_a_step_with_the_gains_held(pu
 
 
 def test_starts_move_with_the_parameters():
-    """Three steps reach what turns of parameters, then starts, would be long on the way to."""
+    """Three joint steps reach what separate steps of parameters and starts would reach much later."""
     log = glider_log(2, push=0.0)
     problem = PredictionErrors(GLIDER, log, log.windows(40.0), process=False)
     first = problem.point(GLIDER.vector, np.log([*SENSORS.values()]))
@@ -317,7 +317,7 @@ def test_what_is_known_of_correlation_times_and_the_cost_of_an_acceleration_are_
 
 
 def test_what_lasts_longer_than_some_minutes_is_no_noise():
-    """A moment that is missing is there all the time; a correlation time of 185 s is the longest, 25 s by e^2."""
+    """A missing moment acts all the time; the longest correlation time is 185 s, 25 s times e^2."""
     log = glider_log(2, push=0.0, rows=1000)
     problem = PredictionErrors(GLIDER, log, whole(log))
     (found,) = problem.noise_at(problem.solve(GLIDER, COEFFICIENTS)).process.values()
@@ -340,7 +340,7 @@ def test_an_acceleration_without_which_the_log_is_likelier_is_absent():
 
 
 def test_a_fit_that_goes_by_short_steps_goes_on_the_same_way(pushed, monkeypatch):
-    """As along a narrow valley, where slopes that are a little off make every step a tenth of what it should be."""
+    """In a narrow valley, small errors of the slopes may make each step a tenth of the right one."""
     problem, own = PredictionErrors(GLIDER, pushed, whole(pushed)), PredictionErrors.descended
     best = problem.solve(GLIDER, PATHS)
 
@@ -353,7 +353,7 @@ def test_a_fit_that_goes_by_short_steps_goes_on_the_same_way(pushed, monkeypatch
 
 
 def test_missing_readings_count_for_nothing(pushed, monkeypatch):
-    """As between the pings of a Doppler log: a third of one channel, and one row as a whole."""
+    """A third of one channel is missing, as between the pings of a Doppler log, and one whole row."""
     missing = np.zeros((len(pushed), len(GLIDER.outputs)), dtype=bool)
     missing[:, GLIDER.outputs.index("heading_rad")] = np.random.default_rng(0).random(len(pushed)) < 0.33
     missing[100] = True
@@ -374,7 +374,7 @@ def test_missing_readings_count_for_nothing(pushed, monkeypatch):
 
 
 def test_a_channel_is_no_better_than_the_steps_of_its_readings():
-    """Steps of 0.05 rad/s round most yaw rates to nothing, which looks like less noise than the steps make."""
+    """Steps of 0.05 rad/s round most yaw rates to zero, so that the noise looks smaller than the rounding error."""
     log = glider_log(3, push=0.0)
     log = log.with_channels({"r_radps": 0.05 * np.round(log["r_radps"] / 0.05)})
     problem = PredictionErrors(GLIDER, log, whole(log))
@@ -384,7 +384,7 @@ def test_a_channel_is_no_better_than_the_steps_of_its_readings():
 
 
 def test_readings_without_noise_are_given_some():
-    """3 % of that of their second differences, or a fit would rest on the rounding of the simulation."""
+    """They get 3 % of the noise by second differences, or a fit would depend on rounding errors of the simulation."""
     truth = glider_log(3, push=0.0)
     record = Record.from_arrays(truth.time, {n: truth[n] for n in ("rudder_rad", "u_mps")})
     log = simulate(GLIDER, record.with_channels({n: truth[n] for n in SENSORS}))
@@ -427,7 +427,7 @@ def test_a_column_of_zeros_counts_as_not_measured(pushed):
     without = Record.from_arrays(pushed.time, {n: pushed[n] for n in pushed.names if n != "r_radps"})
     still_there, absent = (PredictionErrors(GLIDER, log, whole(log)) for log in (zeros, without))
     wanted = absent.solve(GLIDER, PATHS)
-    near = still_there.point(wanted.vector, wanted.logs, wanted)  # a fit from elsewhere ends elsewhere in a flat valley
+    near = still_there.point(wanted.vector, wanted.logs, wanted)  # in a flat valley, the start decides the end
     assert still_there.total(near) == pytest.approx(absent.total(wanted), abs=LEAST_GAIN)
     found = still_there.solve(still_there.plant_at(near, PATHS), PATHS, near)
     assert found.vector == pytest.approx(wanted.vector, rel=1e-2)
@@ -456,7 +456,7 @@ def test_a_profile_of_a_smooth_parameter_is_its_interval_and_ends_at_a_bound(pus
     error = float(np.sqrt(told.covariance[k, k])) * problem.scale(OFFSET)
     value = point.vector[problem.index[OFFSET]]
     low, high = profile_interval(problem, point, PATHS, OFFSET, error, 1.96, None)
-    assert low == pytest.approx(value - 1.96 * error, abs=0.4 * error)  # noises held, scores that correlate allowed for
+    assert low == pytest.approx(value - 1.96 * error, abs=0.4 * error)  # noises are held; scores may correlate
     assert high == pytest.approx(value + 1.96 * error, abs=0.4 * error)
     lag = "effects.rudder.lag"
     beside = problem.solve(replace_at(GLIDER, lag, 0.05), (*PATHS, lag))
@@ -466,12 +466,12 @@ def test_a_profile_of_a_smooth_parameter_is_its_interval_and_ends_at_a_bound(pus
 
 
 def test_a_profile_follows_what_makes_up_for_its_parameter(pushed, monkeypatch):
-    """Where a fit finds nothing better from far away, it is as wide as first order has it, or else far too narrow."""
+    """If a fit from far away finds nothing better, the first-order way gives the right width, else far too small."""
     problem = PredictionErrors(GLIDER, pushed, whole(pushed))
     point = problem.solve(GLIDER, PATHS)
     told = information_of(problem, point, PATHS)
     covariance = np.linalg.inv(told.alone)
-    k = PATHS.index("hull.n_r")  # which the effect of the rudder makes up for
+    k = PATHS.index("hull.n_r")  # compensated by the rudder effectiveness
     error, alone = (float(v**0.5) * problem.scale(PATHS[k]) for v in (covariance[k, k], 1.0 / told.alone[k, k]))
     assert error > 1.5 * alone
     monkeypatch.setattr(problem, "descended", lambda here, *rest: here)
@@ -485,7 +485,7 @@ def test_weaker_accelerations_are_tried_only_where_the_filter_keeps_to_the_recor
     problem = PredictionErrors(GLIDER, pushed, whole(pushed))
     point, own = problem.solve(GLIDER, PATHS), problem.point
     assert problem.quieted(point) is not None
-    lost = 2.0  # of the log-likelihood, of each row
+    lost = 2.0  # log-likelihood of each row
     monkeypatch.setattr(
         problem, "point", lambda *which: replace(there := own(*which), scores=there.scores - lost), raising=True
     )
@@ -494,7 +494,7 @@ def test_weaker_accelerations_are_tried_only_where_the_filter_keeps_to_the_recor
 
 
 def test_accelerations_that_suit_a_record_are_not_tried_at_other_strengths(pushed, monkeypatch):
-    """Of the likeliest strengths some could be a little less likely greater, which says nothing of far weaker ones."""
+    """A small negative slope at a nearly likeliest strength is no reason to try far weaker ones."""
     problem, asked = PredictionErrors(GLIDER, pushed, whole(pushed)), []
     point = problem.solve(GLIDER, PATHS)
     first, pushes = len(problem.channels), len(problem.pushed)
@@ -512,7 +512,7 @@ def test_accelerations_that_suit_a_record_are_not_tried_at_other_strengths(pushe
 
 
 def test_a_push_that_lasts_is_tried_as_a_brief_one_which_cannot_take_a_steady_effects_part(monkeypatch):
-    """Nothing pushes this glider, and its rudder's offset is missing: a push that lasts is found in its place."""
+    """This glider has no process noise, but a rudder offset: without the offset, a lasting acceleration is found."""
     log = glider_log(0, push=0.0)
     problem = PredictionErrors(GLIDER, log, whole(log))
     lasting = problem.solve(GLIDER, COEFFICIENTS)
@@ -520,7 +520,7 @@ def test_a_push_that_lasts_is_tried_as_a_brief_one_which_cannot_take_a_steady_ef
     brief = problem.hurried(lasting)
     assert brief is not None
     assert brief.logs[-1] == problem.slowness[2]
-    assert problem.hurried(brief) is None  # nothing lasts any more
+    assert problem.hurried(brief) is None  # no acceleration lasts any more
     monkeypatch.setattr(problem, "quieted", lambda here: None)
     assert problem._quieter(lasting, PATHS) is lasting  # 1.8 less likely in each row
     monkeypatch.setattr(prediction_errors, "FAR", 2.0)
@@ -562,7 +562,7 @@ def test_a_fit_that_runs_out_of_turns_leaves_out_what_is_likelier_absent(pushed,
 
 
 def test_a_profile_does_not_count_what_the_colour_of_errors_tells_of_coefficients():
-    """As neither estimates nor their covariance do: a dead time that coefficients all but imitate is no surer by it."""
+    """Neither do estimates nor covariances: it adds no certainty to a dead time that coefficients almost imitate."""
     time = "effects.rudder.dead_time"
     log = glider_log(3, **{time: 0.3})
     problem, paths = PredictionErrors(GLIDER, log, whole(log)), (*COEFFICIENTS, time)
@@ -574,7 +574,7 @@ def test_a_profile_does_not_count_what_the_colour_of_errors_tells_of_coefficient
 
 
 def clean_log(vehicle: str, seed: int) -> Record:
-    """A log of a vehicle that lacks nothing: a glider that is pushed, a float and a torpedo that are not."""
+    """A log of a vehicle without missing effects: a glider with process noise, a float or a torpedo without."""
     if vehicle == "ganeshblue":
         return glider_log(seed, rows=400, **{OFFSET: 0.0})
     duration = {"qiandao_float": 400.0, "npsauv": 40.0}[vehicle]
@@ -584,7 +584,7 @@ def clean_log(vehicle: str, seed: int) -> Record:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 2, 3])
 def test_a_float_at_the_surface_is_as_likely_as_free_runs_say_and_no_likelier_with_less_freedom(seed):
-    """Where it bobs, its model is far from linear, and fits would end on poor hills."""
+    """Where the float bobs, its model is far from linear, and fits might end in poor local maxima."""
     plant, log, drag = load_vehicle("qiandao_float"), clean_log("qiandao_float", seed), ("hull.drag_quadratic",)
     problem, runs = PredictionErrors(plant, log, whole(log)), Shooting(plant, log, whole(log))
     fewer = problem.solve(plant, drag)
@@ -607,14 +607,14 @@ def test_a_float_at_the_surface_is_as_likely_as_free_runs_say_and_no_likelier_wi
     ],
 )
 def test_likelihood_ratios_on_clean_logs_follow_chi_square(vehicle, fitted, effect):
-    """Twice the gain by an effect that is not there, noises refitted: quantiles over 500 logs."""
+    """Twice the gain by an absent effect, with refitted noises: quantiles over 500 logs."""
     plant, ratios = load_vehicle(vehicle), []
     for seed in range(500):
         log = clean_log(vehicle, seed)
         problem = PredictionErrors(plant, log, free_run_windows(plant, log, min(plant.window, 30.0)))
         without = problem.solve(plant, fitted)
         beside = problem.solve(problem.plant_at(without, fitted), (*fitted, effect), without)
-        # the smaller model with the noises of the larger one, if it ended in a lower hill
+        # the smaller model with the noises of the larger one, if it ended in a lower local maximum
         again = problem.solve(problem.plant_at(without, fitted), fitted, beside)
         best = max(problem.objective(p, fitted) for p in (without, again))
         ratios.append(2.0 * (problem.objective(beside, (*fitted, effect)) - best))
@@ -625,7 +625,7 @@ def test_likelihood_ratios_on_clean_logs_follow_chi_square(vehicle, fitted, effe
 
 
 def test_how_well_starts_are_known_follows_the_noises(pushed):
-    """One with far weaker accelerations is as likely, sought from one with stronger ones, as sought from readings."""
+    """A filter with weak accelerations is equally likely, found from one with stronger ones or from the readings."""
     problem = PredictionErrors(GLIDER, pushed, whole(pushed))
     near = problem.solve(GLIDER, ())
     logs = near.logs.copy()
@@ -635,7 +635,7 @@ def test_how_well_starts_are_known_follows_the_noises(pushed):
 
 
 def test_a_fit_is_tried_with_weak_accelerations_where_strong_ones_took_the_part_of_an_effect():
-    """A dead time of 4 s, from 0.1 s on: its slope there points the wrong way as long as accelerations are strong."""
+    """The dead time is 4 s; at the start, 0.1 s, its slope has the wrong sign while accelerations are strong."""
     path, log = "effects.rudder.dead_time", glider_log(0, 0.0005, **{OFFSET: 0.0, "effects.rudder.dead_time": 4.0})
     problem = PredictionErrors(GLIDER, log, whole(log))
     without = problem.solve(GLIDER, COEFFICIENTS)

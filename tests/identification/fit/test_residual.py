@@ -1,4 +1,4 @@
-"""Noise floors, steps of readings, and what is said of a residual."""
+"""Tests of noise floors, steps of readings, and statements about a residual."""
 
 from dataclasses import replace
 
@@ -37,7 +37,7 @@ def test_a_sensor_that_is_slower_than_its_windows_has_a_noise_all_the_same():
 
 
 def test_lost_readings_are_no_noise():
-    """A tenth of the readings of a steep dive is missing: neighbours are farther apart there."""
+    """A tenth of the readings of a steep dive is missing, so that some neighbours differ more."""
     rng, time = np.random.default_rng(5), np.arange(4000.0)
     held = rng.random(4000) > 0.1
     depth = 0.2 * time + 0.04 * rng.standard_normal(4000)
@@ -49,7 +49,7 @@ def test_lost_readings_are_no_noise():
 
 
 def test_values_between_readings_are_no_readings():
-    """A speed that is read every other row: white noise at its readings, half as much between them."""
+    """The speed is read every other row: its noise is white at the readings, and has half the variance between them."""
     rows, rng = np.arange(2000), np.random.default_rng(4)
     read, white = rows % 2 == 0, np.round(0.1 * rng.standard_normal(2000) / 0.05) * 0.05
     error = np.interp(rows, rows[read], white[read])

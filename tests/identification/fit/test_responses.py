@@ -1,4 +1,4 @@
-"""Slopes by parameters from one row to the next, carried on by the linearised filter, and fits that go by them."""
+"""Tests of responses to parameters over one row, of slopes from these by the linearised filter, and of such fits."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ def pushed():
 @pytest.mark.parametrize("period", [0.0, 12.0], ids=["fading", "swell"])
 @pytest.mark.parametrize("stride", [1, 3])
 def test_slopes_of_the_linearised_filter_are_those_of_the_vehicle(pushed, stride, period):
-    """To a thousandth, as slopes are taken over steps; with accelerations, and means of several readings."""
+    """They agree to two thousandths, the error of finite steps, with accelerations and with averaged readings."""
     problem = PredictionErrors(GLIDER, pushed, whole(pushed), stride=stride)
     point = problem.solve(GLIDER, ())
     if period:
@@ -42,7 +42,7 @@ def test_slopes_of_the_linearised_filter_are_those_of_the_vehicle(pushed, stride
 
 
 def test_a_fit_ends_by_responses_of_its_end(pushed, monkeypatch):
-    """Wherever the first ones come from: here the vehicle seems to answer ever more strongly as time goes on."""
+    """The result does not depend on the first responses, which here grow with time by mistake."""
     problem = PredictionErrors(WRONG, pushed, whole(pushed))
     near = problem.solve(WRONG, ())
     taken, calls = PredictionErrors._responses, []
@@ -71,4 +71,4 @@ def test_responses_are_kept_while_noises_and_parameters_move(pushed, monkeypatch
     taken = PredictionErrors._responses
     monkeypatch.setattr(PredictionErrors, "_responses", lambda *a: calls.append(a[3]) or taken(*a))
     problem.solve(WRONG, COEFFICIENTS, near)
-    assert calls == [list(COEFFICIENTS)] * 2  # and once more where the fit ends
+    assert calls == [list(COEFFICIENTS)] * 2  # and once more at the end of the fit

@@ -1,4 +1,4 @@
-"""Averages mislead fits where commands answer readings of their own row, and rows are then shorter."""
+"""Tests of averaging in closed loop: commands that react within a row mislead fits, and rows are then shorter."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -27,7 +27,7 @@ PATHS = ("hull.n_r", "hull.n_delta")
 
 
 def log_of(seed: int, gain: float, rudder: np.ndarray | None = None) -> Record:
-    """A glider under random yaw accelerations, its rudder steered against each reading of the gyro, or replayed."""
+    """A glider under random yaw accelerations, with a rudder that reacts to each gyro reading, or is replayed."""
     rng, x = np.random.default_rng(seed), GLIDER.initial(np.full(len(GLIDER.outputs), np.nan))
     at, moved = GLIDER.family.states.index("r_radps"), GLIDER.inputs.index("rudder_rad")
     seen = [GLIDER.outputs.index(name) for name in ("heading_rad", "r_radps")]
@@ -63,7 +63,7 @@ def test_rows_are_shorter_where_commands_answer_within_them(steered):
     shorter = in_suited_rows(problem, point, PATHS)
     assert shorter.stride < STRIDE
     assert in_suited_rows(shorter, shorter.solve(GLIDER, PATHS), PATHS) is shorter
-    assert in_suited_rows(problem, point, ()) is problem  # nothing is fitted that could be misled
+    assert in_suited_rows(problem, point, ()) is problem  # without fitted parameters, nothing can be misled
 
 
 def test_the_same_commands_mislead_nothing_where_they_answer_nothing(steered):
@@ -82,7 +82,7 @@ def test_a_long_record_keeps_rows_that_a_fit_can_get_through(steered, monkeypatc
     "rows, stride, shortest", [(3000, 3, True), (2000, 5, False), (1000, 5, False), (9000, 1, False)]
 )
 def test_rows_of_a_long_record_are_known_to_be_the_shortest(rows, stride, shortest):
-    """Of 9000, 10,000 and 5000 samples, of which the first two must keep to 3000 rows; and of single readings."""
+    """The records have 9000, 10,000, 5000 and 9000 samples; only the first is in its shortest rows, at most 3000."""
     problem = SimpleNamespace(rows=np.arange(rows), stride=stride)
     assert strides.cannot_be_shorter(problem) is shortest  # type: ignore[arg-type]
 
@@ -103,7 +103,7 @@ def test_a_grey_box_is_not_misled(monkeypatch):
     logs = [log_of(seed, QUICK) for seed in range(4, 8)]
 
     def off() -> float:
-        """By how many standard errors the rudder's effectiveness is off in the mean."""
+        """The mean error of the rudder effectiveness, in standard errors."""
         found = [GreyBox(GLIDER, free=PATHS).fit(log).estimates[1] for log in logs]
         return sum((one.value - value_at(GLIDER, one.path)) / one.error for one in found) / len(logs)
 

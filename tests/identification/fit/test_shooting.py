@@ -1,4 +1,4 @@
-"""States that each dive has one unknown value of: recovered with honest intervals, and told from nothing else."""
+"""Tests of states with one unknown value in each dive: recovered with correct intervals."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ ROWS = 60
 
 
 def dives(seed: int = 0, noise: float = 0.3, volumes=VOLUMES, truth=TRUTH) -> Record:
-    """Measured depths of dives with these unknown volumes, a valve and a pump action in each; noise: m."""
+    """Measured depths of dives with these unknown volumes; the valve and the pump act once in each.  noise: m."""
     k, count = np.arange(ROWS), len(volumes)
     valved, pumped = 2e-5 * (k >= 18), 8e-5 * (k >= 38)
     channels = {"oil_volume_m3": pumped - valved, "pumped_volume_m3": pumped, "valved_volume_m3": valved}
@@ -56,14 +56,14 @@ def test_exact_dives_give_each_its_volume_and_the_drag():
     fit = GreyBox(load_vehicle("mermaid"), list(TRUTH)).fit(log)
     for path, value in TRUTH.items():
         assert value_at(fit.model, path) == pytest.approx(value, rel=1e-5)
-    # the same in the three windows of a dive, and another in each dive
+    # the same volume in the three windows of a dive, and another one in each dive
     volumes = by_dive(replace_at(load_vehicle("mermaid"), TRUTH), log)
     assert volumes == pytest.approx(np.tile(VOLUMES[:, None], 3), abs=1e-10)
     assert np.array_equal(np.ptp(volumes, axis=1), np.zeros(4))
 
 
 def test_the_first_guess_of_the_volumes_needs_no_right_drag():
-    """From a few samples each, in which a quarter more drag does little; coarse, but each dive on its own side."""
+    """It uses a few samples of each dive, in which a quarter more drag matters little; it is coarse but in order."""
     problem = shooting(dives(noise=0.0))
     guess = problem.first_guess[:, 2].reshape(4, 3)
     assert np.array_equal(np.ptp(guess, axis=1), np.zeros(4))
@@ -81,7 +81,7 @@ def test_intervals_hold_the_truth_where_each_dive_has_an_unknown_volume():
         errors.append([fit[path].error for path in TRUTH])
     # at 95 % fewer than 16 hits of 20 have a probability of 0.3 %
     assert np.all(hits >= 16), hits
-    # a standard deviation of 20 draws is known to 16 %
+    # a standard deviation from 20 draws has an error of 16 %
     assert np.std(values, axis=0) / np.mean(errors, axis=0) == pytest.approx([1.0, 1.0], abs=0.4)
 
 
@@ -103,7 +103,7 @@ def test_with_a_known_trim_the_offset_is_what_all_dives_share():
 
 
 def test_what_a_volume_does_in_one_dive_is_taken_out_of_the_sensitivities():
-    """A lift in one dive alone is left with nothing, one that grows in the dive is not."""
+    """Nothing is left of a constant volume offset, but much of one that grows within a dive."""
     problem = shooting(dives(noise=0.0))
     paths = [OFFSET, "effects.volume.leak", DRAG]
     point = problem.solve(problem.plant, [DRAG])
@@ -119,20 +119,20 @@ def filtered() -> PredictionErrors:
 
 
 def test_dives_with_volumes_of_their_own_are_linearised_by_their_starts_alone():
-    """As the length of windows is judged, of a log that may be cut into shorter ones."""
+    """This is needed to choose the length of windows in a log that may need shorter ones."""
     log = check_log(dives(), load_vehicle("mermaid"), Asked())
     assert len(log.every_window) >= 4
 
 
 def test_each_dive_of_a_log_may_count_its_time_from_zero():
-    """The path about which a filter is first linearised is that of the readings."""
+    """The filter is first linearised about the path of the readings."""
     problem = filtered()
     assert np.diff(problem.record.time).min() < 0.0
     np.testing.assert_allclose(problem.first_path[:, 0], problem.measured[:, 0], atol=1e-9)
 
 
 def test_steps_take_what_goes_on_between_stretches_by_the_vehicle_itself():
-    """From a drag that is wrong, to where an error of a volume shows as the vehicle moves, not as the filter does."""
+    """From a wrong drag, the effect of a volume follows the vehicle's path and not the filter's."""
     problem = filtered()
     assert problem.carried.any()
     wrong = problem.point(replace_at(problem.plant, DRAG, 230.0).vector, problem.first_noise())
@@ -148,7 +148,7 @@ def test_steps_take_what_goes_on_between_stretches_by_the_vehicle_itself():
 
 
 def test_nothing_is_left_of_what_starts_imitate():
-    """An offset of all volumes is what the volumes of dives are; slopes to one side leave 3e-5 of it."""
+    """An offset of all volumes acts like the volumes of the dives; one-sided slopes would leave 3e-5 of it."""
     problem = filtered()
     slopes, left = problem.own_slopes(problem.point(problem.plant.vector, problem.first_noise()), [OFFSET])
     assert np.linalg.norm(left) < 1e-7 * np.linalg.norm(slopes)

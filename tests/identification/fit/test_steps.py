@@ -1,4 +1,4 @@
-"""Steps of integration that are longer where that moves no estimate."""
+"""Tests of integration steps, which are longer if this moves no estimate."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def test_an_unstable_one_in_shorter_steps():
 
 
 def test_steps_are_judged_where_the_filter_follows_the_record():
-    """A vehicle that is top-heavy leaves the readings of a log without roll and rates, and steps then move it far."""
+    """A top-heavy vehicle leaves the readings of a log without roll and rates; then integration steps move it far."""
     plant, whole = logged("vt690")
     few = whole.record.without([n for n in whole.channels if not n.endswith(("dvl_mps", "pitch_rad", "depth_m"))])
     heavy = replace_at(plant, "effects.load.z_g", -0.015)
@@ -45,7 +45,7 @@ def test_steps_are_judged_where_the_filter_follows_the_record():
 
 @pytest.mark.slow
 def test_steps_are_judged_again_with_what_a_fit_has_found():
-    """Nothing pushes the vehicle: the filter follows the model, and the errors of steps stay in it."""
+    """Without process noise, the filter follows the model, and integration errors accumulate."""
     plant, problem = logged("remus100", 120.0)
     faster = in_steps(problem, problem.record.sample_interval / 2.0)
     point = problem.solve(plant, ())
@@ -77,6 +77,6 @@ def test_longer_steps_move_no_estimate_and_are_not_kept_in_the_fitted_plant(monk
         assert abs(found[path].value - fine[path].value) < MOST_MOVED * fine[path].error
         assert found[path].value != fine[path].value != value_at(plant, path)
     monkeypatch.undo()
-    monkeypatch.setattr(steps, "MOST_MOVED", 0.0)  # as if what they move mattered
+    monkeypatch.setattr(steps, "MOST_MOVED", 0.0)  # as if any movement mattered
     again = GreyBox(plant, free, window=20.0).fit(record)
     assert [again[path].value for path in free] == [fine[path].value for path in free]

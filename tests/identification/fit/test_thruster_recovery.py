@@ -1,4 +1,4 @@
-"""Effects of thrusters, of the battery, of the IMU and of the load, found again in logs that were made with them."""
+"""Tests of recovery: effects of thrusters, battery, IMU and load are found again in logs simulated with them."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ WITH_DEPTH = [("effects.load.net_buoyancy", 1.0), ("effects.load.tether_drag", 8
 
 
 def recovered(path: str, value: float, measured: str) -> None:
-    """Fit an effect alone, from one probe beside neutral, and compare with the truth by its standard error."""
+    """Fit an effect alone, from one probe off neutral, and compare it with the truth by its standard error."""
     plant = load_vehicle("bluerov")
     rng = np.random.default_rng(4)
     log = hover(replace_at(plant, path, value), rng=rng, duration=40.0, measured=measured, loop="open", amplitude=0.4)

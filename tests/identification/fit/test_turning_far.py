@@ -1,4 +1,4 @@
-"""Fits, filters and free runs of a vehicle that goes through the vertical, where Euler angles break down."""
+"""Tests of fits, filters and free runs of a vehicle that passes the vertical, where Euler angles break down."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def fitted(log: Record, plant: Plant = WRONG) -> GreyBoxFit:
 
 @pytest.fixture(scope="module")
 def logs() -> list[Record]:
-    """Attitude alone, without gyros, of a vehicle that passes the vertical again and again."""
+    """Logs of attitude, without gyros, of a vehicle that passes the vertical repeatedly."""
     found = [flown(TRUE, seed, seconds=30.0).without(RATES) for seed in (1, 2, 3)]
     for log in found:
         assert np.mean(np.abs(log["pitch_rad"]) > 1.0) > 0.15
@@ -38,7 +38,7 @@ def forced(monkeypatch: pytest.MonkeyPatch, far: bool) -> None:
 
 
 def test_parameters_are_recovered_through_the_vertical(logs):
-    """Twelve intervals of 95 %: more than three misses have a chance of 0.2 %."""
+    """For twelve 95 % intervals, the probability of more than three misses is 0.2 %."""
     misses = 0
     for log in logs:
         fit = fitted(log)
@@ -53,7 +53,7 @@ def test_parameters_are_recovered_through_the_vertical(logs):
 
 
 def test_a_compass_errs_about_the_vertical_and_an_inclinometer_about_level_axes():
-    """However far the vehicle is tilted: about body axes, the noise of each would come and go with the attitude."""
+    """This holds at any tilt; about body axes, the noise of each sensor would vary with the attitude."""
     true, rng, noise = flown(TRUE, 4, seconds=30.0, noise=0.0).without(RATES), np.random.default_rng(4), (0.3, 0.3, 1.5)
     attitude = Rotation.from_euler("ZYX", true.matrix(ATTITUDE[::-1]))
     heading = Rotation.from_euler("z", true.matrix(ATTITUDE[2:]))
@@ -77,7 +77,7 @@ def test_euler_angles_would_not_do(logs, monkeypatch):
 
 @pytest.fixture(scope="module")
 def level() -> Record:
-    """A log that stays within some hundredths of a radian of level, whatever its heading."""
+    """A log at any heading whose tilt stays within some hundredths of a radian."""
     log = flown(TRUE, 4, seconds=40.0, strength=0.005)
     assert not Chart.along(TRUE.family, log).on
     return log
@@ -85,11 +85,11 @@ def level() -> Record:
 
 @pytest.mark.slow
 def test_near_level_a_chart_tells_what_euler_angles_tell(level, monkeypatch):
-    """To first order in the tilt t, in which turns about body axes and Euler angles differ.
+    """Turns about body axes differ from Euler angles by the first order of the tilt t.
 
-    A row's readings differ by a share t of themselves, which its noise, equal about all axes, hardly sees: the
-    log-likelihood of a row changes by about t^2 for each of three channels.  Scores change by a share t, so estimates
-    move by such a share of their standard errors.
+    A row's readings differ by a share t of themselves.  With equal noise about all axes, the log-likelihood of a row
+    changes by about t^2 for each of three channels only.  Scores change by a share t, so that estimates move by such a
+    share of their standard errors.
     """
     plain = fitted(level)
     forced(monkeypatch, True)
@@ -104,10 +104,10 @@ def test_near_level_a_chart_tells_what_euler_angles_tell(level, monkeypatch):
 
 
 def test_slopes_by_starts_are_those_of_the_vehicle(logs):
-    """The linearised filter goes from chart to chart as the vehicle does, once its path has settled."""
+    """The linearised filter passes from chart to chart like the vehicle, once its path has converged."""
     problem = PredictionErrors(TRUE, logs[0], [slice(0, 60)])
     point = problem.point(TRUE.vector, problem.first_noise())
-    for _ in range(8):  # each leaves two thirds of what the linearisation about speeds that nothing tells is off
+    for _ in range(8):  # each leaves two thirds of the linearisation's error due to unmeasured speeds
         point = problem.point(TRUE.vector, point.logs, point)
     linear, _ = problem._starts_for_steps(point)
     vehicle, _ = problem._run_starts(point)
@@ -116,7 +116,7 @@ def test_slopes_by_starts_are_those_of_the_vehicle(logs):
 
 
 def test_slopes_by_parameters_do_not_depend_on_their_step(logs):
-    """Differences over a step and over a tenth of it, in the filter and in free runs: nothing jumps at the vertical."""
+    """Differences over a step and over a tenth of it agree, in the filter and in free runs: the vertical is no jump."""
     moves = [moves_of(PATHS), [(path, 0.1 * step) for path, step in moves_of(PATHS)]]
     problem = PredictionErrors(TRUE, logs[0], [slice(0, 200)])
     point = problem.point(TRUE.vector, problem.first_noise())
@@ -131,7 +131,7 @@ def test_slopes_by_parameters_do_not_depend_on_their_step(logs):
 
 
 def test_rates_are_first_guessed_from_turns(monkeypatch):
-    """Without noise and without gyros: those of the first four samples, by how the attitude turned in them."""
+    """Without noise and gyros, they follow from the turn of the attitude over the first four samples."""
     log = flown(TRUE, 1, seconds=30.0, noise=0.0)
     told = log.without(RATES)
     rows = np.array([w.start for w in told.windows(1.0)])
@@ -144,7 +144,7 @@ def test_rates_are_first_guessed_from_turns(monkeypatch):
         states = TRUE.family.states
         return Shooting(TRUE, told, told.windows(1.0)).first_guess[:, [states.index(n) for n in RATES]] - mean
 
-    # a slope by least squares weighs the four samples' turns a little otherwise: 7 rad/s^2 times 0.1 s times 0.1
+    # a least-squares slope weighs the turns of the four samples differently: 7 rad/s^2 times 0.1 s times 0.1
     by_turns = wrong()
     assert np.sqrt(np.mean(by_turns**2)) < 0.1
     forced(monkeypatch, False)
@@ -152,7 +152,7 @@ def test_rates_are_first_guessed_from_turns(monkeypatch):
 
 
 def test_noise_is_that_about_the_body_axes(logs):
-    """Readings are zero in a chart, so that their noise shows in the turns from one to the next."""
+    """In a chart all readings are zero, so that their noise is estimated from the turns between them."""
     problem = PredictionErrors(TRUE, logs[0], [slice(0, len(logs[0]))])
     assert np.nanmax(np.abs(problem.measured)) == 0.0
     assert problem.channels == ATTITUDE
@@ -170,7 +170,7 @@ def test_free_runs_tell_turns_and_show_angles(logs):
     turn = Rotation.from_euler("ZYX", model[:, ::-1]).inv() * seen
     level = Rotation.from_euler("z", measured[:, 2:]).inv() * seen
     back = Rotation.from_rotvec(level.inv().apply(runs.residual[:, angles]))
-    # seen from the measured attitude or from the model's, a turn has one vector
+    # a turn has the same vector seen from the measured or from the model's attitude
     assert (turn.inv() * back).magnitude().max() < 1e-9
     assert [runs.label(name) for name in ATTITUDE] == [
         "turn about the level axis ahead", "turn about the level axis to starboard", "turn about the vertical",

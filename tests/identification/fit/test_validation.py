@@ -1,4 +1,4 @@
-"""Scores, free runs and residual tests against numbers worked out by hand or by theory."""
+"""Tests of scores, free runs and residual tests, against numbers by hand or by theory."""
 
 from dataclasses import replace
 
@@ -79,7 +79,7 @@ def test_whiteness_accepts_white_noise_and_rejects_coloured():
 
 
 def test_what_was_fitted_in_short_windows_does_not_pass_for_colour():
-    """A level and a slope for each of 80 windows of 11 readings: what is left of white noise is not white."""
+    """With a level and a slope fitted in each of 80 windows of 11 readings, residuals of white noise are not white."""
     rng, window = np.random.default_rng(8), np.repeat(np.arange(80), 11)
     own = np.linalg.qr(np.stack([np.ones(11), np.arange(11.0)], axis=1))[0]
     basis = np.kron(np.eye(80), own)

@@ -1,4 +1,4 @@
-"""Where free runs of floats lie, and which dives are held out."""
+"""Tests of the windows of free runs, and of the dives that are held out."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def test_a_float_with_oil_runs_free_between_its_actions_and_dives_are_held_out_w
 
 
 def straight(rows: int, segment=None) -> Record:
-    """A record of nothing, a row a second, beginning anew in each segment."""
+    """A record without signals, one row a second, whose time begins anew in each segment."""
     time = np.arange(float(rows)) % (rows if segment is None else rows // 2)
     zeros = np.zeros(rows)
     return Record.from_arrays(time, {"heading_rad": zeros, "rudder_rad": zeros}, segment=segment)
@@ -53,7 +53,7 @@ def test_other_vehicles_have_consecutive_windows():
 def test_the_first_seconds_of_a_segment_are_left_out_where_enough_windows_stay():
     plant, record = load_vehicle("slocum"), straight(200)  # the vehicle settles in 20 s
     assert free_run_windows(plant, record, 40.0) == [slice(20, 40), *record.windows(40.0)[1:]]
-    assert free_run_windows(plant, record, 30.0) == record.windows(30.0)[1:]  # a third of the first would be left
+    assert free_run_windows(plant, record, 30.0) == record.windows(30.0)[1:]  # only a third of it would be left
     assert free_run_windows(plant, record, 10.0) == record.windows(10.0)[2:]
     assert free_run_windows(plant, record, 55.0) == record.windows(55.0)
 
@@ -65,7 +65,7 @@ def test_each_segment_has_a_beginning_of_its_own():
 
 
 def steps(oil, interval=100.0, segment=None) -> Record:
-    """A record at depth of oil volumes in millilitres, one a sample."""
+    """A record at depth of oil volumes, mL, one for each sample."""
     oil = 1e-6 * np.asarray(oil, dtype=float)
     time = interval * np.arange(oil.size)
     if segment is not None:
@@ -115,7 +115,7 @@ def test_with_a_known_trim_windows_are_held_out_and_not_dives():
 
 
 def commanded(plant, seconds=400.0) -> Record:
-    """A record of evenly sampled commands that change little and often, within a tenth of the actuator's travel."""
+    """A record of evenly sampled commands with frequent small changes, within a tenth of the actuator's travel."""
     time = np.arange(0.0, seconds, 0.5)
     name = plant.family.actuators[0]
     low, high = plant.family.ranges.get(name, (-0.3, 0.3))
@@ -174,5 +174,5 @@ def test_a_play_is_taken_up_before_windows_begin():
     rudder = np.where(time < 100.0, 0.05, np.where(time < 160.0, -0.1, 0.12))  # moves by the play's width at 160 s
     record = Record.from_arrays(time, {"heading_rad": 0.0 * time, "rudder_rad": rudder})
     assert free_run_windows(plant, record, 40.0)[0].start == 40
-    still = Record.from_arrays(time, {"heading_rad": 0.0 * time, "rudder_rad": 0.1 * rudder})  # never taken up
-    assert free_run_windows(plant, still, 40.0)[0].start == 5  # the settling time alone
+    still = Record.from_arrays(time, {"heading_rad": 0.0 * time, "rudder_rad": 0.1 * rudder})  # play not taken up
+    assert free_run_windows(plant, still, 40.0)[0].start == 5  # only the settling time

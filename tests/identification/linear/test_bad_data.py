@@ -1,4 +1,4 @@
-"""Records that no linear model can be fitted to are refused by every method, in words; odd ones that can be are."""
+"""Tests of bad records: all methods refuse those without a possible fit with a clear message, and fit unusual ones."""
 
 import re
 import warnings

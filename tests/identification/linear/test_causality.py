@@ -1,4 +1,4 @@
-"""Causality: shifts between columns are seen and measured, and feedback, however strong, is not taken for one."""
+"""Tests of causality: shifts between columns are detected and measured, and strong feedback is not mistaken for one."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Subspace methods on outputs that integrate: a pole at exactly 1 by default, and a drift only where there is one."""
+"""Tests of subspace methods on integrating outputs: a pole at exactly 1 by default, and no spurious drift."""
 
 from dataclasses import replace
 

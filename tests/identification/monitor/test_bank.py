@@ -1,4 +1,4 @@
-"""Sequential tests: what they sum, and how often white noise raises an alarm."""
+"""Tests of sequential tests: their sums, and their rate of false alarms in white noise."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The online filter beside the fit's own, and alarms where a vehicle changes."""
+"""Tests of the online filter against that of the fit, and of alarms after a change of the vehicle."""
 
 from dataclasses import replace
 
@@ -97,7 +97,7 @@ def test_a_clean_log_has_no_alarm_and_steps_are_those_of_a_replay(slocum, clean)
 
 @pytest.mark.slow
 def test_what_stands_between_readings_is_none_to_a_monitor(slocum, clean):
-    """A compass of half the rate: the online filter meets its errors at its readings, and nothing in between."""
+    """With a compass of half the rate, the online filter has errors at its readings, and none between them."""
     held = np.arange(len(clean)) % 2 == 0
     coarse = clean.with_readings({"heading_rad": held})
     monitor = Monitor.learn(coarse, slocum, noise=NOISE)
@@ -141,7 +141,7 @@ def test_the_page_lists_the_first_alarms_in_words_and_says_how_many_there_are(sl
 
 
 def test_a_clean_log_with_a_fault_is_said_to_have_one(slocum):
-    """Both alarms and their absence mean nothing of a fault that the monitor takes for healthy."""
+    """If the monitor has learned a fault as normal, neither alarms nor their absence mean anything."""
     bent = replace_at(slocum, "effects.rudder.offset", 0.05)
     monitor = Monitor.learn(closed_loop(bent, rng=np.random.default_rng(0), duration=1200.0), slocum)
     assert "effects.rudder.offset" in monitor.learned.missing

@@ -1,4 +1,4 @@
-"""The experiment that tells two explanations apart: its order, its minutes, and the campaign that runs it."""
+"""Tests of the experiment that distinguishes two explanations: its rank, its length, and the campaign that runs it."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def fitted(plant, record, *paths):
 
 @pytest.fixture(scope="module")
 def tie():
-    """A glider at one speed whose rudder stays away from its stop: an offset of it and a yaw moment do the same."""
+    """A glider at one speed whose rudder stays off its stop, so that a rudder offset and a yaw moment act alike."""
     plant = load_vehicle("ganeshblue")
     record = closed_loop(
         replace_at(plant, OFFSET, 0.06),

@@ -1,4 +1,4 @@
-"""Campaigns of a few short runs: what is left in the folder, whatever happens on the way."""
+"""Tests of running campaigns: the contents of the folder after any interruption or failure."""
 
 import signal
 import subprocess

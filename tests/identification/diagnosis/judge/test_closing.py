@@ -1,4 +1,4 @@
-"""The closed loop before and after: better with the right model, and said plainly where nothing can be run."""
+"""Tests of closed-loop comparisons: better with the right model, and a clear statement if nothing can be run."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ CASES = [
 
 
 def told(record, given, after):
-    """What the closed loop needs of a diagnosis."""
+    """The parts of a diagnosis that the closed loop needs."""
     return record, {"given": given, "before": given, "after": after}
 
 
@@ -45,7 +45,7 @@ def test_samples_before_the_first_set_point_are_left_out_and_later_ones_keep_the
     given = load_vehicle("slocum")
     record = run_mission(replace_at(given, "effects.yaw.moment", 0.02), np.random.default_rng(0), duration=400.0)
     wanted = record["heading_cmd_rad"].copy()
-    new = np.flatnonzero(np.diff(wanted, prepend=np.nan) != 0.0)  # a log often has a command where it changes only
+    new = np.flatnonzero(np.diff(wanted, prepend=np.nan) != 0.0)  # a log often holds a command only when it changes
     sparse = np.full(len(record), np.nan)
     sparse[new] = wanted[new]
     late = sparse.copy()

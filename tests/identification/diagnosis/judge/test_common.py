@@ -1,4 +1,4 @@
-"""What the members of a tie agree on."""
+"""Tests of what the members of a tie have in common."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What a record could have shown, and effects that do nothing up to some size."""
+"""Tests of detectable sizes, and of effects that have no effect up to some size."""
 
 from types import SimpleNamespace
 
@@ -22,7 +22,7 @@ LIMIT, RATE, LAG = "effects.rudder.lost_travel", "effects.rudder.slowness", "eff
 
 
 def regression_of(changes=None, plant=PLANT):
-    """A regression in which each effect changes what was measured by a function of its size in probes."""
+    """A regression in which each effect changes the measurements by a function of its size in probes."""
     problem = SimpleNamespace(
         plant=plant,
         bounds=lambda path: spec_at(plant, path).bounds,
@@ -43,7 +43,7 @@ def regression_of(changes=None, plant=PLANT):
     [
         (lambda x: x / 3.0, 3.0, 0.0),
         (lambda x: max(x - 5.0, 0.0), 6.0, 5.0),  # a dead region
-        (lambda x: max(x - 0.3, 0.0) / 0.2, 0.5, 0.3),  # one that ends before the probe
+        (lambda x: max(x - 0.3, 0.0) / 0.2, 0.5, 0.3),  # one that ends below a probe
         (lambda x: x**2, 1.0, 0.0),
     ],
 )
@@ -51,7 +51,7 @@ def test_the_smallest_size_is_found_by_running_it(changes, size, hidden, expecte
     probe = spec_at(PLANT, DEADBAND).probe
     regression = regression_of(changes)
     (found,) = sizes_shown(regression, {DEADBAND: expected * probe}).values()
-    # a step of two, halved twice, is one of 1.19; between two sizes that change something it is interpolated
+    # a factor of two, halved twice on the logarithmic scale, is 1.19; between two visible sizes it is interpolated
     assert 0.98 * size < found.size / probe < 1.19 * size
     assert (found.hidden == 0.0) if hidden == 0.0 else 0.4 * hidden < found.hidden / probe <= hidden
     assert max(regression.ran) <= spec_at(PLANT, DEADBAND).bounds[1] / probe
@@ -60,7 +60,7 @@ def test_the_smallest_size_is_found_by_running_it(changes, size, hidden, expecte
 @pytest.mark.parametrize("changes, reason", [(lambda x: 0.0, "nothing"), (lambda x: 1e-2 * min(x, 1.0), "too little")])
 def test_an_effect_that_no_size_shows_is_said_to_be_one(changes, reason):
     rudder = Candidate("rudder deadband", (DEADBAND,))
-    screened = [Screening(rudder, np.zeros(1), 0.0, 1.0, np.array([0.1]))]  # by its slope it would show
+    screened = [Screening(rudder, np.zeros(1), 0.0, 1.0, np.array([0.1]))]  # detectable according to its slope
     (found,) = detectable_effects(regression_of(changes), screened, set())  # type: ignore[arg-type]
     assert not np.isfinite(found.size)
     assert found.reason == f"changes {reason} {'that' if reason == 'nothing' else 'of what'} was measured"
@@ -91,7 +91,7 @@ def test_an_effect_that_acts_as_a_refitted_coefficient_has_no_detectable_size_of
 
 
 def test_a_rate_limit_behind_a_lag_and_a_saturation_beyond_all_commands_are_hidden_up_to_some_size():
-    """Steps of 0.2 rad behind a lag of 4 s go at 0.05 rad/s at the most, and reach half of the travel."""
+    """Behind a lag of 4 s, steps of 0.2 rad move at 0.05 rad/s at most; they reach half of the travel."""
     plant = replace_at(QUICK, LAG, 4.0)
     time = 4.0 * np.arange(240)
     rudder = 0.1 * np.where(time % 160.0 < 80.0, 1.0, -1.0)
@@ -116,4 +116,4 @@ def test_a_rate_limit_behind_a_lag_and_a_saturation_beyond_all_commands_are_hidd
             assert (np.abs(moved).max() > 1e-9) == seen
     assert found[RATE].size > 4.0 / 0.2  # s/rad
     without = [s for s in screened if s.candidate.paths[0] == LIMIT]
-    assert not np.isfinite(without[0].detectable[0])  # its slope at a probe says that it never shows
+    assert not np.isfinite(without[0].detectable[0])  # according to its slope at a probe it is never detectable

@@ -1,4 +1,4 @@
-"""The verdict that follows from what was found and from what is left."""
+"""Tests of the verdict that follows from the found effects and from the remainder."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -39,7 +39,7 @@ NAMED, TIED, WRONG = [OFFSET], [("an effect", "another")], True
         (NAMED, [], 0.51, True, False, WRONG, "named"),
         (NAMED, [], 0.49, True, False, False, "unexplained"),
         (NAMED, TIED, 0.49, False, False, False, "tied"),
-        ([OFFSET, CHANGES], TIED, 0.99, False, False, False, "unexplained"),  # nothing constant explains what changes
+        ([OFFSET, CHANGES], TIED, 0.99, False, False, False, "unexplained"),  # a constant effect explains no change
         ([], [], 0.0, False, True, False, "none"),
         ([], [], 0.9, False, True, WRONG, "coefficients"),
         ([], [], 0.9, True, True, WRONG, "unexplained"),
@@ -62,7 +62,7 @@ def test_white_errors_leave_nothing_and_slow_ones_beyond_a_trace_do():
     assert not is_coloured(white, stretch, none, LEFT)
     assert is_coloured(white + np.sqrt(0.1) * slow, stretch, none, LEFT)
     little = white + np.sqrt(0.02) * slow
-    assert whiteness(little, stretch).p_value < 1e-4  # sure, but it would predict next to nothing
+    assert whiteness(little, stretch).p_value < 1e-4  # significant, but predicts next to nothing
     assert not is_coloured(little, stretch, none, LEFT)
 
 
@@ -70,7 +70,7 @@ def test_bursts_are_told_from_steady_noise_from_wild_readings_and_from_a_trace()
     (white, slow), stretch = white_and_slow(), np.repeat(np.arange(400), 50)
     assert not comes_in_bursts(white, stretch, LEFT)
     assert comes_in_bursts(white * (1.0 + 0.5 * slow), stretch, LEFT)
-    assert not comes_in_bursts(white * (1.0 + 0.1 * slow), stretch, LEFT)  # sure, but it would predict next to nothing
+    assert not comes_in_bursts(white * (1.0 + 0.1 * slow), stretch, LEFT)  # significant, but predicts next to nothing
     wild = white.copy()
     wild[100:110] *= 100.0
     assert not comes_in_bursts(wild, stretch, LEFT)
@@ -78,7 +78,7 @@ def test_bursts_are_told_from_steady_noise_from_wild_readings_and_from_a_trace()
 
 @pytest.mark.slow
 def test_white_errors_are_flagged_as_seldom_as_is_said():
-    """Of 2000 records of 500 readings, at most as many as chance makes of that share in one test out of 10,000."""
+    """Of 2000 records of 500 readings, at most as many are flagged as chance exceeds once in 10,000 such tests."""
     rng, stretch, none, count = np.random.default_rng(3), np.repeat(np.arange(5), 100), np.zeros((500, 0)), 2000
     records = rng.standard_normal((count, 500))
     coloured = sum(is_coloured(errors, stretch, none, LEFT) for errors in records)
@@ -88,7 +88,7 @@ def test_white_errors_are_flagged_as_seldom_as_is_said():
 
 
 def nothing(point) -> np.ndarray:
-    """What starts of stretches can do to errors that nothing was fitted to."""
+    """An empty basis: the initial states were not fitted, and imitate nothing."""
     return np.zeros((point.errors.size, 0))
 
 
@@ -138,7 +138,7 @@ def test_errors_that_come_in_bursts_are_left():
 
 
 def test_colour_is_that_from_reading_to_reading():
-    """A depth that is read every fifth row: over as many rows as are looked at, its errors would look white."""
+    """The depth is read every fifth row: over that many rows, its errors would look white."""
     white, slow = white_and_slow()
     errors, seen = np.zeros((100_000, 1)), np.zeros((100_000, 1), dtype=bool)
     errors[::5, 0], seen[::5] = white + np.sqrt(0.05) * slow, True
@@ -150,7 +150,7 @@ def test_colour_is_that_from_reading_to_reading():
 
 
 def test_pushes_that_follow_the_vehicles_motion_are_left_although_the_errors_are_white():
-    """Process noise takes up a moment that nobody knows, and whitens what it leaves; that it is not random shows."""
+    """Process noise absorbs an unknown moment, and the errors are white; the dependence shows that it is not random."""
     plant, term = QUICK, "effects.discovered.yaw.sin_2heading"
     left = {}
     for size in (0.0, 0.02):
@@ -171,7 +171,7 @@ def stage(residual, readings=None):
 
 
 def test_noise_that_is_interpolated_is_none_that_an_effect_could_remove():
-    """A channel that is read every fourth row: between readings, its noise looks smooth, and its floor too low."""
+    """The channel is read every fourth row: interpolated noise looks smooth, and makes the noise floor too low."""
     rows = np.arange(2000)
     white, slow = white_and_slow(1, 2000)
     noise = np.interp(rows, rows[::4], white[::4])
@@ -185,7 +185,7 @@ def test_the_share_explained_is_of_what_exceeds_the_noise():
     white, slow = white_and_slow(1, 1000)
     before, half, after = (stage(white + size * slow) for size in (np.sqrt(2.0), 1.0, 0.0))
     assert explained_share(before, after, True) > 0.9
-    assert explained_share(before, half, True) == pytest.approx(0.5, abs=0.05)  # of 1000 samples, at twice the noise
+    assert explained_share(before, half, True) == pytest.approx(0.5, abs=0.05)  # from 1000 samples, at twice the noise
     assert explained_share(after, after, True) == 0.0
 
 

@@ -1,4 +1,4 @@
-"""Where residuals live that were made to live somewhere, and silence on those that live nowhere."""
+"""Tests of where residuals are large: found for residuals that depend on something, and nothing said for others."""
 
 import re
 from dataclasses import replace
@@ -16,7 +16,7 @@ WINDOWS, LENGTH = 12, 250
 
 
 def lived(seed: int, where: str = "") -> tuple[FreeRuns, Record]:
-    """Free runs with slow errors in heading that are largest as said, white ones in depth; and their record."""
+    """Free runs with slow heading errors that are largest as specified, and white depth errors; and their record."""
     rng = np.random.default_rng(seed)
     size = WINDOWS * LENGTH
     t = np.arange(float(size))

@@ -1,4 +1,4 @@
-"""Free runs over parts by vehicles that have not seen them, of which one may not stay finite."""
+"""Tests of free runs over parts by vehicles fitted without them, including one that diverges."""
 
 import numpy as np
 import pytest
@@ -44,5 +44,5 @@ def test_runs_over_parts_are_joined_in_the_order_of_the_record(log):
     joined = joined_runs([free_runs(QUICK, record, own, 20.0) for own in (windows[1::2], windows[0::2])])
     for name in ("rows", "window", "scored", "readings"):
         assert np.array_equal(getattr(joined, name), getattr(whole, name)), name
-    for name in ("model", "residual"):  # starts of all windows share one guess of the noise
+    for name in ("model", "residual"):  # the initial states of all windows share one estimate of the noise
         assert getattr(joined, name) == pytest.approx(getattr(whole, name), abs=5e-3), name

@@ -1,4 +1,4 @@
-"""Effects with their intervals: by the profile of the likelihood at corners, all else refitted."""
+"""Tests of effects with their intervals: at corners from the likelihood profile, with all else refitted."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -67,7 +67,7 @@ def test_a_member_of_a_tie_says_which_other_effects_its_likeliest_set_does_witho
     "path, ci95, turned",
     [
         ("hull.n_delta", (-0.0003, -0.0002), True),
-        ("hull.n_delta", (-0.0003, 0.0001), False),  # not surely
+        ("hull.n_delta", (-0.0003, 0.0001), False),  # uncertain
         ("hull.n_r", (-0.0003, -0.0002), False),  # no actuator
     ],
 )
@@ -81,8 +81,8 @@ def test_an_actuator_that_surely_acts_the_other_way_is_told(path, ci95, turned):
     "share, error, stated, moved, wrong",
     [
         (0.2, 0.01, 0.0, True, True),
-        (0.2, 0.01, 0.3, True, False),  # within what the vehicle states
-        (0.2, 0.1, 0.3, False, False),  # not surely
+        (0.2, 0.01, 0.3, True, False),  # within the vehicle's stated deviation
+        (0.2, 0.1, 0.3, False, False),  # uncertain
         (0.01, 0.001, 0.0, False, False),  # too little
     ],
 )

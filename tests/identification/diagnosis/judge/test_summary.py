@@ -1,4 +1,4 @@
-"""What a diagnosis says of noises, of halves of a log, and of what it is tied with."""
+"""Tests of sentences about noises, halves of a log, and ties."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -109,7 +109,7 @@ def test_of_a_clock_is_said_what_the_rest_acts_like_and_of_a_coefficient_that_it
         d.left = Left(gusts=("r_radps",), changes=path)
         said = left_sentence(d)  # type: ignore[arg-type]
         assert said.startswith("Random accelerations (yaw rate) are stronger at some times")
-        assert "acts like a clock" not in said  # it would not make some of them stronger
+        assert "acts like a clock" not in said  # a clock would not make only some of them stronger
         assert (words in said) == ("clock" not in path)
 
 
@@ -252,7 +252,7 @@ def test_coefficients_that_surely_moved_are_said_unless_they_are_already():
         "Refitted coefficients: induced drag -25 % (95 % interval -30 to -20 %); drag +20 % (95 % interval 18 to 22 %)."
     )
     assert _refitted_sentence(d) == both  # type: ignore[arg-type]
-    d.verdict = "coefficients"  # which says those that are wrong
+    d.verdict = "coefficients"  # this verdict already states the wrong ones
     assert _refitted_sentence(d) == "Refitted coefficients: drag +20 % (95 % interval 18 to 22 %)."  # type: ignore[arg-type]
     d.verdict = "doubted"
     assert _refitted_sentence(d) == ""  # type: ignore[arg-type]
@@ -276,7 +276,7 @@ def test_a_size_at_the_far_end_of_its_interval_is_the_most_that_it_may_be():
 
 @pytest.mark.parametrize("time, unexplained, said", [(160.0, False, True), (140.0, False, False), (160.0, True, False)])
 def test_noise_that_lasts_for_a_quarter_of_a_log_may_be_an_effect_that_grows(time, unexplained, said):
-    """Not where something is left anyway; of segments of 600 s."""
+    """The sentence appears only if nothing else is left; the segments last 600 s."""
     segment = np.repeat([0, 1], 7)
     record = Record.from_arrays(100.0 * np.arange(14), {"heading_rad": np.zeros(14)}, segment=segment)
     noise = Noise({"heading_rad": 0.01}, {"u_mps": (0.01, time), "r_radps": (0.01, 5.0)})

@@ -1,4 +1,4 @@
-"""Which set of effects is reported, of all that explain a record."""
+"""Tests of which set of effects is reported, of all that explain a record."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -17,7 +17,7 @@ from tests.identification.diagnosis.stand_ins import PLANT, state_of
 
 
 class Bench(Sets):
-    """A workbench that refits nothing."""
+    """A workbench whose refits change nothing."""
 
     def goes_on(self, step):
         return True
@@ -28,7 +28,7 @@ class Bench(Sets):
 
 @pytest.fixture
 def reported(monkeypatch):
-    """The paths that are reported for a record in which C in B's place is likelier, and idle."""
+    """The reported paths for a record in which C instead of B is likelier, but idle."""
 
     def confirmed(bench, nominal, state, rounds, count):
         kept = [r for r in rounds if r.chosen.candidate.paths != (C,)]
@@ -51,14 +51,14 @@ def reported(monkeypatch):
         survivals = (Survival(1.0, {}),) * len(rounds)
         held = Held(state, tuple(rounds), tuple(rounds), survivals, {}, Left())
         found = weigh(searched, held, 3)
-        assert found.needless == (only and likely[C,] > likely[B,])  # no member of a tie is moved in these states
+        assert found.needless == (only and likely[C,] > likely[B,])  # members of a tie have no size in these states
         return found.state.paths
 
     return of
 
 
 def test_an_effect_that_was_needed_in_a_valley_only_goes(reported):
-    """The set with C is the likelier one, and C is idle in it: its fit ended where B is not needed either."""
+    """The set with C is likelier, but C is idle in it: its fit ended at a point where B is not needed either."""
     assert reported({(A, B): 100.0, (A, C): 130.0, (A,): 130.0}) == (A,)
     assert reported({(A, B): 100.0, (A, C): 130.0, (A,): 80.0}) == (A, B)
 

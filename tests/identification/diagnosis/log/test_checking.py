@@ -1,4 +1,4 @@
-"""What of a log is compared: speeds that nothing tells, and the depth that follows from them."""
+"""Tests of which channels of a log are compared: unmeasured speeds, and the depth that depends on them."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ SPEEDS = ("u_mps", "v_mps", "w_mps")
 
 
 def log_of(steep: float, *more: str) -> Record:
-    """A vehicle that pitches so far, its thrusters idle."""
+    """A log of a vehicle that pitches by up to `steep`, rad, with idle thrusters."""
     rng = np.random.default_rng(0)
     names = ("roll_rad", "heading_rad", "p_radps", "q_radps", "r_radps", "depth_m", *more)
     channels = {name: 0.01 * rng.standard_normal(TIME.size) for name in names}
@@ -37,7 +37,7 @@ def log_of(steep: float, *more: str) -> Record:
 def test_the_depth_of_a_vehicle_that_loops_needs_its_speeds(steep, more, left_out):
     load_vehicle("bluerov")
     assert _adrift(log_of(steep, *more), load_vehicle("bluerov")) == left_out
-    assert _adrift(log_of(steep), load_vehicle("vt690")) == ()  # a torpedo's speed is that of its propeller
+    assert _adrift(log_of(steep), load_vehicle("vt690")) == ()  # a torpedo's speed follows from its propeller
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def test_the_depth_of_a_vehicle_that_loops_needs_its_speeds(steep, more, left_ou
     ],
 )
 def test_speeds_that_nothing_tells_are_followed_and_nothing_pushes_them(dropped, more, resting):
-    """Of a hull whose speeds turn it; those of the first BlueROV show in nothing else."""
+    """The hull's speeds also turn it; those of the first BlueROV affect no other measurement."""
     plant, record = load_vehicle("bluerov2_heavy"), log_of(0.3, *more).without(dropped)
     record = record.with_channels({f"t{k}_share": np.zeros(TIME.size) for k in range(1, 9)})
     problem = Stretches(plant, record, record.segments)
@@ -59,7 +59,7 @@ def test_speeds_that_nothing_tells_are_followed_and_nothing_pushes_them(dropped,
 
 
 def test_attitude_that_nothing_tells_follows_the_commands_and_is_not_pushed():
-    """Else the noise of an axis that no sensor measures takes up what the model lacks elsewhere."""
+    """Otherwise the process noise of an unmeasured axis would absorb model errors elsewhere."""
     plant, tilt = load_vehicle("bluerov2_heavy"), ("roll_rad", "pitch_rad", "p_radps", "q_radps")
     record = log_of(0.3, "u_dvl_mps", "v_dvl_mps", "w_dvl_mps")
     record = record.with_channels({f"t{k}_share": 0.1 * np.sin(k * TIME) for k in range(1, 9)})
@@ -72,7 +72,7 @@ def test_attitude_that_nothing_tells_follows_the_commands_and_is_not_pushed():
 
 @pytest.fixture(scope="module")
 def moving() -> Record:
-    """Twenty seconds of a vehicle whose thrusters move it."""
+    """Twenty seconds of a vehicle that is moved by its thrusters."""
     return hover(
         load_vehicle("bluerov2_heavy"),
         rng=np.random.default_rng(3),
@@ -85,7 +85,7 @@ def moving() -> Record:
 
 @pytest.mark.parametrize("left, rates", [((), True), ((), False), (("depth_m",), True)])
 def test_speeds_that_nothing_tells_are_those_that_the_commands_make(moving, left, rates):
-    """Where runs begin, within a twentieth of what they are: rates and attitude, which drive them, have noise."""
+    """First guesses at the starts of runs are within a twentieth of the spread; they depend on noisy readings."""
     kept = ("roll_rad", "pitch_rad", "heading_rad", *left, *(("p_radps", "q_radps", "r_radps") if rates else ()))
     plant = load_vehicle("bluerov2_heavy")
     record = moving.without([name for name in plant.outputs if name not in kept])
@@ -102,7 +102,7 @@ def test_speeds_that_nothing_tells_are_those_that_the_commands_make(moving, left
 
 @pytest.mark.parametrize("duration, window", [(600.0, 120.0), (400.0, 96.0), (300.0, 60.0)])
 def test_a_short_log_has_shorter_windows(duration, window):
-    """At least half of the vehicle's; a length that was asked for is not changed, and too few of these are refused."""
+    """Windows have at least half the vehicle's length; a requested length that gives too few windows is refused."""
     plant = load_vehicle("slocum")
     record = run_mission(plant, np.random.default_rng(1), duration=duration)
     log = check_log(record, plant, Asked())

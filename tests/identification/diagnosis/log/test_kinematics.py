@@ -1,4 +1,4 @@
-"""Sensors against each other: what is put in comes out, and clean logs stay silent."""
+"""Tests of sensors compared with each other: simulated errors are found, and nothing is found in clean logs."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from tests.identification.tumbler import flown, tumbler
 
 PROBES = 4.0
 SLOW = pytest.mark.slow
-EXACT = (  # linear in the effect but for what is of second order
+EXACT = (  # linear in the effect to first order
     *("gyros.bias_r", "depth.scale", "dvl_ground.scale", "current.north", "clock.rate"),
     *(
         pytest.param(name, marks=SLOW)
@@ -66,7 +66,7 @@ def test_a_lag_is_found(torpedo, name):
     found = kinematic_findings(log_with(torpedo, path), torpedo).mismatches
     truth = PROBES * spec_at(torpedo, path).probe
     assert found[0].path == path
-    assert 0.6 * truth < found[0].value < 1.2 * truth  # a lag as long as the motion is seen as a shorter one
+    assert 0.6 * truth < found[0].value < 1.2 * truth  # a lag as long as the motion looks shorter
 
 
 def test_clean_logs_are_silent_and_clear_the_sensors(torpedo, clean):
@@ -97,7 +97,7 @@ def test_sensors_that_are_not_there_are_left_out(torpedo, clean):
 
 
 def gliding(seed: int) -> Record:
-    """A pitched and rolled `slocum` that follows its rudder, with the track that SciPy's rotations give it."""
+    """A pitched and rolled `slocum` under its rudder, with a track computed by SciPy's rotations."""
     rng, dt, inner = np.random.default_rng(seed), 4.0, 40
     plant, count = load_vehicle("slocum"), 300
     damping, effect = linear_yaw_coefficients(plant.family.view(plant.vector).hull)

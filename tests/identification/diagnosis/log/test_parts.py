@@ -1,4 +1,4 @@
-"""Parts of a record that follow from the record alone, and the windows in them."""
+"""Tests of the parts of a record, which depend on the record alone, and of their windows."""
 
 from importlib import import_module
 from types import SimpleNamespace
@@ -41,7 +41,7 @@ def test_time_that_nothing_was_logged_in_is_no_ones_part(record):
     parts = parts_of(QUICK, gap)
     lengths = [len(rows_of(part)) for part in parts]
     assert max(lengths) - min(lengths) <= 3
-    assert sum(len(part) for part in parts) == MOST_PARTS + 1  # one of them goes over the gap, in two pieces
+    assert sum(len(part) for part in parts) == MOST_PARTS + 1  # one of them spans the gap, in two pieces
 
 
 def test_windows_are_of_one_length_within_their_part_and_short_ones_only_where_there_are_no_others(record):

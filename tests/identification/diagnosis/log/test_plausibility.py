@@ -1,4 +1,4 @@
-"""Doubts about a log: slips are named, honest logs pass."""
+"""Tests of doubts about a log: slips are named, and correct logs pass."""
 
 from dataclasses import replace
 
@@ -145,7 +145,7 @@ def test_only_signs_and_columns_are_beyond_any_effect(logs):
 
 
 def late(plant):
-    """A float whose piston moves too little and too late, which a clock twice too fast nearly explains."""
+    """A log of a float whose piston moves too little and too late; a clock twice too fast nearly explains it."""
     return replace_at(plant, {"effects.piston.gain": 0.35, "effects.piston.dead_time": 10.6})
 
 
@@ -199,18 +199,18 @@ def test_a_mended_record_keeps_how_far_apart_its_readings_are(logs):
 
 
 def test_degrees_taken_as_radians_are_unfolded(logs):
-    plant, record = logs["slocum"]  # turns by more than 180 degrees over 57.3 from sample to sample
+    plant, record = logs["slocum"]  # changes by more than 180/57.3 degrees from sample to sample
     slip = slip_called(record, plant, "heading_rad looks like degrees")
     wrong = slipped(record, slip, plant)
     assert np.abs(np.diff(np.degrees(record["heading_rad"]))).max() > np.pi
     error = undone(wrong, slip, plant)["heading_rad"] - record["heading_rad"]
-    assert np.median(np.abs(np.diff(error))) < 1e-9  # a step wrong now and then, by a turn of 2 pi degrees
+    assert np.median(np.abs(np.diff(error))) < 1e-9  # an occasional wrong step, by a turn of 2 pi degrees
     assert np.abs(np.diff(error)).max() < np.radians(4.1 * np.pi)
 
 
 @pytest.fixture(scope="module")
 def telegraphed():
-    """A log of rates and attitude alone, each thruster moved by itself."""
+    """A log with only rates and attitude, in which each thruster is moved separately."""
     plant = load_vehicle("bluerov")
     rng = np.random.default_rng(2)
     return plant, hover(plant, rng=rng, duration=30.0, measured="attitude", loop="open", amplitude=0.4)
@@ -243,7 +243,7 @@ def test_a_slip_of_a_thruster_is_named(telegraphed, text):
 
 @pytest.mark.slow
 def test_a_vehicle_with_one_thruster_shows_that_it_is_turned_round(telegraphed):
-    """Where no other thruster moves, a factor of any sign would explain the log as well."""
+    """While no other thruster moves, a factor of either sign explains the log equally well."""
     plant, record = telegraphed
     still = {f"t{k}_us": np.full(len(record), 1500.0) for k in (2, 3, 4, 5, 6)}
     log = simulate(plant, record.with_channels(still)).with_channels({n: record[n] for n in ("t1_us",)} | still)
@@ -274,7 +274,7 @@ def test_a_vehicle_that_loops_may_have_rolled_over_many_times():
 
 
 def test_a_roll_about_a_whole_turn_is_as_good_as_one_about_zero():
-    """A glider that swings over its stern at the surface dives with a turn in its unwrapped roll."""
+    """A glider that swings over its stern at the surface dives with a whole turn in its unwrapped roll."""
     plant, time = load_vehicle("seaglider"), np.arange(0.0, 40.0, 0.05)
     pitch, roll = -0.4 * np.ones(time.size), 0.3 * np.sin(0.2 * time)
     for turns in (-2, 1):
@@ -305,7 +305,7 @@ def test_a_thruster_turned_round_is_named_where_the_vehicle_drifts_astern():
     "text", ["u_dvl_mps, v_dvl_mps and w_dvl_mps look like knots, not", "rudder_rad and stern_plane"]
 )
 def test_slips_are_noticed_beside_sensors_slower_than_the_log(logs, text):
-    """Values between readings are less noisy than these, and would make the sensors look more exact than they are."""
+    """Interpolated values are less noisy than readings, and would make the sensors look too accurate."""
     plant, record = logs["vt690"]
     slow = [n for n in record.names if n.endswith("mps") and not n.endswith("cmd_mps")] + ["north_m", "east_m"]
     read = np.arange(len(record)) % 3 == 0

@@ -1,4 +1,4 @@
-"""Several logs of one vehicle, and effects that only some of them have."""
+"""Tests of several logs of one vehicle, and of effects in only some of them."""
 
 import json
 from importlib import import_module
@@ -76,7 +76,7 @@ def test_candidates_are_those_of_all_logs_and_of_some_and_neither_hides_the_othe
 
 
 def test_an_effect_of_some_logs_stays_within_the_bounds_of_one_of_all():
-    """Beyond them nothing changes, so that a fit would go on for ever."""
+    """Nothing changes beyond the bounds, so that a fit would continue for ever."""
     log = check_log(logs_of(0.0, 0.0), load_vehicle("slocum"), Asked(trust=True))
     gain, deadband = "effects.rudder.gain", "effects.rudder.deadband"
     plant = with_own_effects(log, [gain, deadband]).plant
@@ -103,7 +103,7 @@ def test_the_vehicle_that_is_written_is_that_of_the_last_log():
 
 @pytest.mark.parametrize("begins, varies", [(0.0, False), (0.5, True)])
 def test_an_effect_of_one_log_is_compared_with_itself_within_that_log(begins, varies):
-    """The first log is as it should be; in the second the effect acts throughout, or begins half way."""
+    """The first log has no effect; in the second the effect acts throughout, or begins half-way."""
     plant = load_vehicle("slocum")
     first, last = logs_of(0.0), logs_of(0.06)
     if begins:
@@ -119,7 +119,7 @@ def test_an_effect_of_one_log_is_compared_with_itself_within_that_log(begins, va
 
 
 def test_a_log_that_differs_from_three_others_does_not_vanish_among_sixths():
-    """Its first log is a quarter of the record: the second sixth is half of that and half of the next."""
+    """Its first log is a quarter of the record, so that the second sixth holds equal parts of the first two logs."""
     plant = load_vehicle("slocum")
     log = check_log(logs_of(0.02, 0.05, 0.05, 0.05), plant, Asked(trust=True))
     bench = Workbench(log.plant, log.record, log.parts, 0.1, log.every_window)

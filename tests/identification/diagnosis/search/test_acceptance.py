@@ -1,4 +1,4 @@
-"""The gate before every name: each reason to refuse, each route that leads to it, and what fails beside the others."""
+"""Tests of the gate: each reason to refuse a change, each route to the gate, and effects that fail beside others."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -42,7 +42,7 @@ COEFFICIENTS = PLANT.family.coefficients
 
 
 def sure(**changes) -> Claim:
-    """A claim with nothing against it, but for the changes."""
+    """A claim without objections, except for these changes."""
     good = Claim(
         train=100.0,
         held=50.0,
@@ -65,7 +65,7 @@ def sure(**changes) -> Claim:
         ({"held": 2.6}, "does not hold from one part of the log to the others"),
         ({"train": 1000.0, "held": 19.9}, "does not hold from one part of the log to the others"),
         ({"train": 1000.0, "held": 20.1}, ""),
-        ({"known": 20.1, "held": -2.6}, ""),  # what is known of the coefficients is enough, and no part contradicts it
+        ({"known": 20.1, "held": -2.6}, ""),  # the priors of coefficients suffice, and no part contradicts them
         ({"known": 20.1, "held": -2.8}, "does not hold from one part of the log to the others"),
         ({"known": 19.9, "held": 1.9}, "does not hold from one part of the log to the others"),
         ({"flies": lambda: False}, "free runs diverge with it"),
@@ -116,7 +116,7 @@ def test_a_limit_is_a_bound_that_is_not_neutral():
     assert at_limit(1.2, (0.0, 1.0), 0.0)
     assert at_limit(-3.0, (-3.0, 3.0), 0.0)
     assert not at_limit(0.0, (0.0, 1.0), 0.0)
-    assert at_limit(0.99995, (0.0, 1.0), 0.0)  # where a fit has stopped a little early
+    assert at_limit(0.99995, (0.0, 1.0), 0.0)  # a fit may stop a little early
     assert not at_limit(0.9998, (0.0, 1.0), 0.0)
     assert not at_limit(0.5, (0.0, np.inf), 1.0)
     assert at_limit(0.0, (0.0, np.inf), 1.0)
@@ -143,15 +143,15 @@ def test_the_gate_counts_free_components_and_tried_periods_and_asks_the_sizes_of
     assert asked(threshold(COUNT, 2) + 0.1, replace(screening, tried=50)) == acceptance.INSIGNIFICANT
     assert asked(threshold(COUNT + 49, 2) + 0.1, replace(screening, tried=50)) == ""
     assert asked(100.0, error=2.0) == acceptance.UNSURE
-    assert asked(100.0, known=5.0) == acceptance.LIMITED  # as far from neutral as what is known of it allows
+    assert asked(100.0, known=5.0) == acceptance.LIMITED  # at the bound that prior knowledge sets
     assert asked(100.0, known=5.1) == ""
     assert asked(100.0, stable=False) == acceptance.DIVERGES
-    after = with_probes(dict.fromkeys(both.paths, 0.5))  # however small
+    after = with_probes(dict.fromkeys(both.paths, 0.5))  # a small size is no objection
     assert asked(100.0) == ""
 
 
 def pair(together=(200.0, 100.0), first=(20.0, 1.0), second=(90.0, 80.0)):
-    """A table of two effects, and the state with both."""
+    """A table of two effects, the state with both, and the nominal state."""
     likely = {frozenset(): (0.0, 0.0), frozenset({OFFSET}): first, frozenset({LAG}): second}
     bench = Table(likely | {frozenset({OFFSET, LAG}): together})
     state = with_probes({OFFSET: 5.0, LAG: 5.0}, *COEFFICIENTS)
@@ -174,7 +174,7 @@ def test_what_passes_beside_the_others_stays_with_the_evidence_that_it_has_there
 def test_coefficients_take_an_effects_place_where_little_but_their_stated_deviations_speaks_for_it(
     monkeypatch, known, near, instead
 ):
-    """The evidence is 100; without the effect the first coefficient is 3 deviations off, the second one 1.9."""
+    """The evidence is 100; without the effect, the first coefficient is 3 deviations off and the second one 1.9."""
     bench, nominal = (
         Table({frozenset(): (0.0, 0.0), frozenset({OFFSET}): (100.0, 80.0)}),
         state_of(PLANT, *COEFFICIENTS),
@@ -190,7 +190,7 @@ def test_coefficients_take_an_effects_place_where_little_but_their_stated_deviat
 
 
 def test_what_the_held_out_windows_refute_beside_the_others_is_not_named():
-    bench, state, nominal = pair(together=(200.0, 52.4))  # -27.6 for the first one beside the second
+    bench, state, nominal = pair(together=(200.0, 52.4))  # the first one has -27.6 beside the second
     after, rounds = confirmed(bench, nominal, state, [round_of(trial_of(A)), round_of(trial_of(B))], COUNT)
     assert [r.chosen.candidate for r in rounds] == [B]
     assert OFFSET not in after.paths
@@ -199,7 +199,7 @@ def test_what_the_held_out_windows_refute_beside_the_others_is_not_named():
 
 
 def test_the_weakest_goes_first_and_the_other_one_may_then_stay():
-    bench, state, nominal = pair((100.0, 90.0), (96.0, 88.0), (94.0, 84.0))  # either one alone does nearly all
+    bench, state, nominal = pair((100.0, 90.0), (96.0, 88.0), (94.0, 84.0))  # either one alone explains nearly all
     after, rounds = confirmed(bench, nominal, state, [round_of(trial_of(A)), round_of(trial_of(B))], COUNT)
     assert [r.chosen.candidate for r in rounds] == [A]
     assert after.paths == (*COEFFICIENTS, OFFSET)
@@ -252,7 +252,7 @@ def test_an_effect_told_from_a_coefficient_passes_the_gate_too(held, named):
 
 def test_what_a_coefficient_comes_to_is_a_size_of_the_effect_that_acts_as_it_does():
     torpedo = load_vehicle("npsauv")
-    assert size_as_effect(PLANT, "effects.rudder.gain", 2.0, 3.0) == pytest.approx(1.5)  # neutral at one
+    assert size_as_effect(PLANT, "effects.rudder.gain", 2.0, 3.0) == pytest.approx(1.5)  # its neutral value is 1
     assert size_as_effect(torpedo, "effects.hull.damping_surge", -2.0, -2.4) == pytest.approx(0.2)
     assert size_as_effect(torpedo, "effects.hull.added_mass_yaw", -10.0, -7.0) == pytest.approx(-0.3)
     assert size_as_effect(torpedo, "effects.propeller.torque", 0.01, 0.04) == pytest.approx(0.03)
@@ -264,7 +264,7 @@ def offset_log():
 
 
 def with_idle(bench, state, rounds, path="effects.yaw.roll_moment"):
-    """A found state and its rounds with another effect that explains nothing, as a search might leave them."""
+    """A state and its rounds with one more effect that explains nothing, as a search might leave them."""
     start = replace_at(state.plant, path, 2.0 * spec_at(state.plant, path).probe)
     after, candidate = bench.fit(start, (*state.paths, path), state), Candidate("idle", (path,))
     screening = Screening(candidate, np.zeros(1), 0.0, 1.0, np.zeros(1))
@@ -285,7 +285,7 @@ def test_nothing_idle_is_named_whatever_the_search_brings(offset_log, monkeypatc
 
 @pytest.mark.slow
 def test_what_is_certain_only_beside_an_effect_that_is_not_named_is_not_named(offset_log, monkeypatch):
-    """The search accepts a lag beside the offset, and most halves of the log do not choose the offset."""
+    """The search accepts a lag beside the offset, but most halves of the log do not choose the offset."""
     as_found = lambda bench, nominal, state, rounds, count: (state, rounds)  # noqa: E731
     monkeypatch.setattr(searching, "attribute", lambda *given: with_idle(given[0], *attribute(*given), LAG))
     monkeypatch.setattr(searching, "settled", as_found)
@@ -304,7 +304,7 @@ def test_what_is_certain_only_beside_an_effect_that_is_not_named_is_not_named(of
 
 @pytest.mark.slow
 def test_effects_with_which_unseen_parts_are_followed_less_well_are_not_named(offset_log, monkeypatch):
-    """Where something is left; where nothing is, the likelihood of the whole log has the word."""
+    """This holds if something is left; otherwise the likelihood of the whole log decides."""
     monkeypatch.setattr(scoring, "explained_share", lambda *_: -0.1)
     monkeypatch.setattr(remaining, "discover", lambda bench, state, *_: Discovery(state.plant, state.paths, state))
     plant = load_vehicle("slocum")
@@ -329,7 +329,7 @@ def test_nothing_idle_is_named_whatever_second_thoughts_bring(offset_log, monkey
 
     monkeypatch.setattr(Reconsidering, "swapped", swapped)
     monkeypatch.setattr(Reconsidering, "paired", lambda self, state, rounds: (state, rounds))
-    heading = offset_log.without(["north_m", "east_m"])  # second thoughts are only for filters of few states
+    heading = offset_log.without(["north_m", "east_m"])  # second thoughts are for filters of few states only
     found = diagnose(heading, load_vehicle("slocum"))
     assert len(asked) == 1
     assert [e.path for e in found.effects] == [OFFSET]

@@ -1,4 +1,4 @@
-"""Linear terms that are weighed with noises of their own."""
+"""Tests of evidence for linear terms with noises fitted for each of them."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def below(bench, state) -> Responses:
 
 @pytest.mark.parametrize("freedom", [12.0, 28.0, 400.0])
 def test_the_chance_of_a_likelihood_ratio_is_that_of_student_where_a_variance_is_estimated(freedom):
-    """Of one term in a regression on so many readings: exact, and chi-square where the variance is known."""
+    """For one term in a regression it is exact; with a known variance it is that of chi-square."""
     for t in (0.5, 2.0, 6.0):
         ratio = freedom * np.log1p(t * t / (freedom - 1.0))
         assert Weight(ratio, freedom).chance == pytest.approx(2.0 * stats.t.sf(t, freedom - 1.0), rel=1e-6)
@@ -53,7 +53,7 @@ def test_the_chance_of_a_likelihood_ratio_is_that_of_student_where_a_variance_is
 
 
 def test_what_random_accelerations_have_taken_over_weighs_more_with_noises_of_its_own(layered):
-    """Rising water below some depth: the accelerations have grown for it, and are weaker beside it."""
+    """Water rises below some depth: accelerations have grown to absorb it, and are weaker beside the term."""
     bench, state = layered
     assert bench.problem.is_pushed(state.point)
     (weight,) = weigh(bench.problem, state.point, state.paths, below(bench, state))
@@ -91,10 +91,10 @@ def test_a_term_that_starts_and_coefficients_imitate_weighs_nothing(layered):
 
 
 def test_one_wild_row_is_not_taken_for_a_term_that_acts_there(still):
-    """Without its error in the errors' own size, a term that acts in one row alone would explain it beyond doubt."""
+    """If the size of the errors did not include the wild row, a term in this row alone would seem certain."""
     row = len(still) // 2
     depth = still["depth_m"].copy()
-    depth[row:] += 1.0  # m, once
+    depth[row:] += 1.0  # m, a single jump
     bench, state = fitted(still.with_channels({"depth_m": depth}))
     there = (bench.problem.rows == row - 1).astype(float)[None]
     (weight,) = weigh(bench.problem, state.point, state.paths, bench.problem.pushed_by(state.point, 0, there))
@@ -103,7 +103,7 @@ def test_one_wild_row_is_not_taken_for_a_term_that_acts_there(still):
 
 @pytest.mark.slow
 def test_weights_of_what_is_not_there_have_the_distribution_that_is_said():
-    """Of 60 logs of a glider that is pushed at random, a step in its yaw acceleration: p-values are uniform."""
+    """For a step in the yaw acceleration, over 60 logs of a randomly pushed glider, p-values are uniform."""
     from tests.identification.fit.test_prediction_errors import GLIDER, OFFSET, glider_log, replace_at, whole
 
     plant, chances = replace_at(GLIDER, {OFFSET: 0.03}), []

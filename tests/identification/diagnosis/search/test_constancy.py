@@ -1,4 +1,4 @@
-"""Whether an effect has one size: a rudder offset throughout and from half-way on, trapped air in dives."""
+"""Tests of whether an effect has one size: a rudder offset throughout or from half-way on, trapped air in dives."""
 
 from dataclasses import replace
 from importlib import import_module
@@ -33,7 +33,7 @@ MOMENT = "effects.yaw.moment"
 
 
 def log_of(begins, path=OFFSET, size=0.03, ends=np.inf):
-    """A log in which a parameter has another size from a time on, s, and until another."""
+    """A log in which a parameter has another size from one time, s, to another."""
     plant = load_vehicle("slocum")
     bent = replace_at(plant, path, size)
     moving = Changing.glider(plant, lambda t: bent if begins <= t < ends else plant)
@@ -63,7 +63,7 @@ def test_what_acts_nowhere_does_not_show_where_it_was_not_fitted():
 
 
 def test_a_size_that_surely_differs_but_hardly_does_not_vary():
-    """An offset that grows by a tenth half way through a log."""
+    """The offset grows by a tenth half-way through the log."""
     plant = load_vehicle("slocum")
     first, second = (replace_at(plant, OFFSET, size) for size in (0.30, 0.33))
     moving = Changing.glider(first, lambda t: second if t >= 600.0 else first)
@@ -90,7 +90,7 @@ def test_what_begins_half_way_and_random_accelerations_would_explain_is_said(siz
 
 @pytest.mark.parametrize("path", [OFFSET, "effects.yaw.quadratic_damping"])
 def test_of_many_effects_the_likeliest_are_asked_for_and_all_count(monkeypatch, path):
-    """As of a vehicle with many states, for which all changes of all effects take too long."""
+    """This is for vehicles with many states, for which testing all changes of all effects takes too long."""
     monkeypatch.setattr(remainder, "FEW_STATES", 0)
     monkeypatch.setattr(remainder, "CONTENDERS", 1)
     bench, state = fitted(300.0, path, 200.0 if path != OFFSET else 0.03, also=())
@@ -104,7 +104,7 @@ def test_of_many_effects_the_likeliest_are_asked_for_and_all_count(monkeypatch, 
 
 
 def test_a_change_has_no_evidence_by_noises_that_would_suit_the_vehicle_without_it(monkeypatch):
-    """As where a fit without a change was left at noises that are far from the likeliest."""
+    """An example is a fit without a change that has stopped at noises far from the likeliest."""
     bench, state = fitted(-100.0)
     poor = state.point.logs - np.r_[1.2 * np.ones(len(bench.problem.channels)), np.zeros(2 * len(bench.problem.pushed))]
     left = replace(state, point=bench.problem.point(state.point.vector, poor, state.point))
@@ -113,7 +113,7 @@ def test_a_change_has_no_evidence_by_noises_that_would_suit_the_vehicle_without_
 
 
 def test_what_is_asked_twice_of_a_state_is_worked_out_once():
-    """By the verdict and by the report; another question, or of another state, is worked out by itself."""
+    """The verdict and the report ask the same; another question or another state is computed separately."""
     bench, state = fitted(300.0)
     first, work = steadiness(bench, state, [OFFSET]), bench.problem.work.done
     assert steadiness(bench, state, [OFFSET]) == first
@@ -124,7 +124,7 @@ def test_what_is_asked_twice_of_a_state_is_worked_out_once():
 
 
 def moved_slowly(seed, size=1.0, time=100.0):
-    """The bench and the state of a log with a random yaw moment: so many probes, this correlation time, s."""
+    """The bench and the state of a log with a random yaw moment; size: in probes.  time: correlation time, s."""
     plant, rng, times = load_vehicle("slocum"), np.random.default_rng(seed), np.arange(0.0, 700.0, 4.0)
     kept, moments = np.exp(-4.0 / time), [rng.normal()]
     for _ in times[1:]:
@@ -137,7 +137,7 @@ def moved_slowly(seed, size=1.0, time=100.0):
 
 
 def test_slow_random_moments_are_no_contradiction_between_parts(monkeypatch):
-    """Six correlation times of a moment tell next to nothing of its noise, which chi-square takes for known."""
+    """Six correlation times of a moment hardly determine its noise, which a chi-square test assumes known."""
     bench, state = moved_slowly(3)
     assert steadiness(bench, state, [MOMENT]).probability > UNSTEADY
     monkeypatch.setattr(constancy, "freedom_of", lambda *_: np.inf)
@@ -145,7 +145,7 @@ def test_slow_random_moments_are_no_contradiction_between_parts(monkeypatch):
 
 
 def test_what_accelerations_cost_is_no_evidence_for_a_change(monkeypatch):
-    """A change may make them needless, and what these had cost before is then saved, whatever the change is."""
+    """A change of any kind may make them needless, and then saves their cost."""
     bench, state = moved_slowly(3)
     cost = lambda self, logs: 50.0 * np.array_equal(logs, state.point.logs)  # noqa: E731
     monkeypatch.setattr(Followed, "_cost", cost)
@@ -154,7 +154,7 @@ def test_what_accelerations_cost_is_no_evidence_for_a_change(monkeypatch):
 
 @pytest.mark.slow
 def test_nothing_constant_is_named_where_parts_contradict_each_other(monkeypatch):
-    """Although the effect is certain, leaves nothing, and makes unseen parts of the log more likely."""
+    """This holds even if the effect is certain, leaves nothing, and makes unseen parts of the log more likely."""
     record, plant = log_of(-100.0), load_vehicle("slocum")
     constant = diagnose(record, plant)
     assert [e.path for e in constant.effects] == [OFFSET]
@@ -195,7 +195,7 @@ def test_a_weaker_effect_of_which_parts_contradict_each_other_is_not_named_and_t
 @pytest.mark.slow
 @pytest.mark.parametrize("explained, verdict", [(0.9, "unexplained"), (0.3, "doubted")])
 def test_an_effect_that_varies_stays_where_the_others_foretell_nothing_without_it(monkeypatch, explained, verdict):
-    """Nothing constant is named then.  With most explained, log and vehicle are not too far apart."""
+    """No constant effect is named then.  If most is explained, log and vehicle are not too far apart."""
     plant = load_vehicle("slocum")
     truth = replace_at(plant, {OFFSET: 0.006, DEADBAND: 0.08})
     record = closed_loop(truth, rng=np.random.default_rng(701), duration=900.0)
@@ -215,14 +215,14 @@ def test_an_effect_that_varies_stays_where_the_others_foretell_nothing_without_i
 
 
 def test_a_coefficient_that_changes_half_way_is_left():
-    """Of all coefficients at once: the rudder's, which nothing else may pay for."""
+    """All coefficients are tested at once; only the rudder effectiveness changes, and nothing else can absorb it."""
     given = value_at(load_vehicle("slocum"), "hull.n_delta")
     assert what_is_left(*fitted(300.0, "hull.n_delta", 1.5 * given, ())).changes == "hull.n_delta"
     assert what_is_left(*fitted(300.0, "hull.n_delta", given, ())) == Left()
 
 
 def dived(airs, also=(AIR,)):
-    """The bench and the state of dives with so much trapped air each, m^3, in which one size is fitted to all."""
+    """The bench and the state of dives with these volumes of trapped air, m^3; one common size is fitted."""
     plant, rng, logs, begun = load_vehicle("seaglider"), np.random.default_rng(2), [], 0.0
     for number, air in enumerate(airs, 1):
         one = yo_mission(plant, (180.0,), rng=rng, dt=20.0, truth=lambda p, air=air: replace_at(p, AIR, air))
@@ -238,7 +238,7 @@ def test_dives_with_another_trapped_air_each_get_their_own_and_dives_alike_do_no
     airs = (2e-5, 9e-5, 5e-5)
     bench, state = dived(airs)
     assert [dive for dive, _ in dives_of(bench.record, bench.problem.rows)] == ["dive 1", "dive 2", "dive 3"]
-    assert len(bench.record.segments) > 3  # what is left out cuts dives
+    assert len(bench.record.segments) > 3  # rows that are left out divide dives
     found = sizes_by_dive(bench, state, AIR)
     assert found is not None
     for size, true in zip(found.sizes, airs, strict=True):
@@ -256,7 +256,7 @@ def test_air_in_one_dive_alone_shows_where_no_air_was_fitted():
 
 
 def test_changes_of_coefficients_are_seen_as_well_by_responses(monkeypatch):
-    """In the linearised filter, at less cost, where there are enough of them to hold how the vehicle answers."""
+    """The linearised filter is cheaper, if there are enough coefficients to keep responses."""
     given = value_at(load_vehicle("slocum"), "hull.n_delta")
     bench, state = fitted(300.0, "hull.n_delta", given, ())
     own, work = [p for p in state.paths if p in state.plant.doubted], bench.problem.work

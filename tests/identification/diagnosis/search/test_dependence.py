@@ -1,4 +1,4 @@
-"""Whether random accelerations follow a signal, and whether a clock's rate varies."""
+"""Tests of whether random accelerations depend on a signal, and whether a clock's rate varies."""
 
 from types import SimpleNamespace
 
@@ -49,7 +49,7 @@ def test_an_actuator_that_is_stronger_to_one_side_shows_and_noise_does_not(clean
 
 @pytest.mark.slow
 def test_the_level_is_shared_by_all_that_is_tried(clean, monkeypatch):
-    """At a level of one, everything would show; at the level that is asked for, next to nothing by chance."""
+    """With `LEFT` at 2 something always shows; at its usual value, hardly anything does by chance."""
     with monkeypatch.context() as patched:
         patched.setattr(module, "LEFT", 2.0)
         assert dependence(*clean) is not None
@@ -67,7 +67,7 @@ def test_only_what_pushes_a_vehicle_with_many_states_is_asked_for(lopsided, monk
 
 
 def test_errors_that_are_merely_larger_at_times_show_nothing():
-    """Evidence by errors of one size would be above any bar: half of the rows have ten times the deviation."""
+    """Evidence that assumes errors of one size would pass any bar: one row in twenty has ten times the deviation."""
     rng, rows, count, false = np.random.default_rng(0), 600, 300, 0
     larger = np.arange(rows) % 20 < 1
     bar = 10.8  # 0.1 % of chi-square
@@ -88,7 +88,7 @@ class Regressed:
 
 @pytest.mark.parametrize("ahead, answers", [(2, True), (0, False), (-1, False)])
 def test_commands_that_answer_pushes_are_told_from_those_that_push(ahead, answers):
-    """A controller sees more than the log has: what it does next tells of the push better than what it did."""
+    """A controller sees more than the log holds: its next command follows the push more closely than its last one."""
     rng, rows = np.random.default_rng(0), 2000
     command = np.convolve(rng.standard_normal(rows), np.ones(6) / 6.0, mode="same")
     problem = SimpleNamespace(
@@ -106,7 +106,7 @@ def test_commands_that_answer_pushes_are_told_from_those_that_push(ahead, answer
         return module._Tried(Dependence("r_radps", signal, False), 0, command, evidence, command)
 
     assert module._answers(problem, regression, tried("rudder_rad")) is answers
-    # the filter's own states know of no later push
+    # the filter's own states contain no later push
     assert not module._answers(problem, regression, tried("heading_rad"))
 
 
@@ -135,7 +135,7 @@ def test_a_clock_whose_rate_varies_shows(clean):
 
 
 def test_slopes_by_a_law_are_those_of_an_effect_that_follows_it(clean):
-    """A yaw moment that acts in the second half, as an acceleration and as the effect itself."""
+    """The example is a yaw moment in the second half, as an acceleration and as the effect itself."""
     bench, state = clean
     problem, point = bench.problem, state.point
     later = (np.arange(len(problem.rows)) > len(problem.rows) // 2).astype(float)
@@ -156,13 +156,13 @@ def test_laws_of_a_signal():
     assert switched.tolist() == [0, 0, 0, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0]
     direction = module._direction(depth, begins)
     assert direction.tolist() == [0, 1, 1, 1, 1, -1, -1, -1, -1, 1, 1, -1, -1]
-    begins[9] = True  # nothing is remembered of another stretch
+    begins[9] = True  # no memory across stretches
     assert module._direction(np.where(np.arange(13) == 9, 0.0, depth), begins)[9] == 0.0
     present, past = laws_of("depth_m", depth, begins, 4)
     assert {len(law) for law in (*present, *past)} == {13}
     assert past
     speed = depth - 2.0
-    _, past = laws_of("u_mps", speed, begins, 4)  # a drag that remembers how fast it was, to both sides
+    _, past = laws_of("u_mps", speed, begins, 4)  # a drag that depends on the past speed, in both directions
     assert np.array_equal(past[-1], speed * past[-2] / np.std(speed))
     assert np.unique(past[-2]).tolist() == [0.0, 1.0]
     around, nothing = laws_of("heading_rad", np.linspace(0.0, 20.0, 50), np.zeros(50, dtype=bool), 8)
@@ -176,7 +176,7 @@ def test_signals_are_states_commands_and_the_time(clean):
 
 
 def test_a_push_that_follows_the_waves_of_other_velocities_follows_no_law():
-    """A sea pushes all velocities together; what is left of a law beside its waves still counts."""
+    """Waves push all velocities together; the part of a law that these waves do not contain still counts."""
     plant = load_vehicle("vt690")
     record = cruised(plant, np.random.default_rng(1), duration=40.0)
     problem = PredictionErrors(plant, record, [slice(0, len(record))], stride=4)
@@ -190,7 +190,7 @@ def test_a_push_that_follows_the_waves_of_other_velocities_follows_no_law():
     assert 0 < len(waves) <= 2 * (len(problem.velocities) - 1)
 
     def left_of(law: np.ndarray, *beside: np.ndarray) -> tuple[float, float]:
-        """The evidence for a law, and the size of what is left of its signature."""
+        """The evidence for a law, and the norm of the rest of its signature."""
         signature = problem.counted_flat(problem.slopes_by(point, problem.pushed_by(point, axis, law[None])))
         evidence, rest = module._evidence(regression, signature, *beside)
         return float(evidence[0]), float(np.linalg.norm(rest))

@@ -1,4 +1,4 @@
-"""Terms found in logs of vehicles with a force that no named effect is, and nothing in logs without one."""
+"""Tests of discovered terms: found in logs with a force outside the library of effects, and none in other logs."""
 
 from dataclasses import replace
 
@@ -32,9 +32,9 @@ def searched(plant, record, window=None, settle=None, seed=0) -> Discovery:
 
 
 def turned_by(moment, seed: int) -> Record:
-    """A log of the Slocum's commands whose heading comes from another integration, with a moment (psi, r, u, roll).
+    """A log of the Slocum's commands with a heading by independent integration, with a moment (psi, r, u, roll).
 
-    Heun's method at a fiftieth of a sample, on the linear form of yaw.
+    The integration is by Heun's method with a fiftieth of a sample, on the linear form of yaw.
     """
     plant, rng = QUICK, np.random.default_rng(seed)
     record = run_mission(plant, rng, duration=1500.0)
@@ -73,7 +73,7 @@ def test_a_moment_simulated_elsewhere_is_found_with_its_size(seed):
 
 
 def test_a_law_that_no_term_is_finds_one_near_it_or_nothing():
-    """A moment in proportion to the root of r is no term: what stands for it must foretell parts, or fall."""
+    """No term is proportional to the root of r: a term found instead must predict parts, or is rejected."""
     record = turned_by(lambda psi, r, u, roll: -0.08 * np.sign(r) * np.sqrt(abs(r)), 0)
     found = searched(QUICK, record)
     assert all(t.evidence_held > 6.6 for t in found.terms)
@@ -110,7 +110,7 @@ def test_a_second_term_is_sought_where_something_is_left(monkeypatch, left):
 
 @pytest.mark.slow
 def test_a_term_that_another_one_makes_idle_goes(monkeypatch):
-    """The first search is blind to the true term and ends in another one, which passes; the second has both."""
+    """The first search excludes the true term and finds another, which passes; the second finds the true one."""
     asked, real, true = [], discovery.search, f"{YAW}sin_2heading"
 
     def blind_at_first(bench, state, library, rng):

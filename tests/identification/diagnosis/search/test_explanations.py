@@ -1,4 +1,4 @@
-"""All sets of effects that explain a record, and how probable each is."""
+"""Tests of all sets of effects that explain a record, and of their probabilities."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ SURVIVED = Survival(1.0, {})
 
 
 class Told:
-    """What the parts tell; a refit changes nothing."""
+    """The evidence of parts; a refit changes nothing."""
 
     known_score = 0.0
 
@@ -51,9 +51,9 @@ class Told:
 
 
 class Sets:
-    """A workbench of six parts in which twice the log-likelihood depends only on which effects a model has.
+    """A workbench of six parts in which twice the log-likelihood depends only on the effects of a model.
 
-    likely: a number, of which each part tells a sixth, or six numbers.
+    likely: one number, shared equally by the parts, or six numbers.
     """
 
     parts = range(6)
@@ -88,13 +88,13 @@ def no_slopes(monkeypatch):
 
 
 def round_of(path, *tied, before=()):
-    """A round that chose an effect beside some, and what ties with it there."""
+    """A round that chose an effect beside those before, with the effects tied with it."""
     chosen, *others = (trial_of(Candidate(p, (p,)), state_of(PLANT, *before, p)) for p in (path, *tied))
     return Round((chosen, *others), chosen, tuple(others), {}, before=state_of(PLANT, *before))
 
 
 def weighed(likely, *rounds, search=lambda state, beside: None, most=3) -> Explanations:
-    """The explanations of a record; likely: by the names of the effects, as paths."""
+    """The explanations of a record; likely: twice the log-likelihood by the paths of the effects."""
     paths = tuple(r.chosen.candidate.paths[0] for r in rounds)
     return explanations(Sets(likely), state_of(PLANT, *paths), rounds, [SURVIVED] * len(rounds), most, search)  # type: ignore[arg-type]
 
@@ -127,7 +127,7 @@ def test_a_record_that_tells_them_apart_leaves_one():
 
 
 def test_each_of_two_effects_may_be_in_a_tie():
-    """All four sets are there, also the one with both of them replaced."""
+    """All four sets exist, including the one with both effects replaced."""
     likely = {(A, B): 100.0, (C, B): 100.0, (A, E): 100.0, (C, E): 100.0}
     found = weighed(likely, round_of(A, C), round_of(B, E, before=(A,)))
     assert len(found.sets) == 4
@@ -136,14 +136,14 @@ def test_each_of_two_effects_may_be_in_a_tie():
 
 
 def ahead_beside_another():
-    """A passed before C, by more than a tie; beside B, which came after them, C explains more."""
+    """A leads C by more than a tie in the first round, but C explains more beside B, which comes later."""
     made = round_of(A, C)
     return replace(made, tied=()), {(A, B): 100.0, (C, B): 112.0, (C,): 50.0}
 
 
 @pytest.mark.parametrize("bounds, members", [((-1.0, 1.0), [(C,)]), ((0.5, 1.0), [])])
 def test_what_only_a_limit_spoke_against_is_asked_again_beside_what_came_later(bounds, members, monkeypatch):
-    """Without B, C would have had to be larger than it can be; beside B it may still be, or not."""
+    """Without B, C was at its limit; beside B, depending on the bounds, it is within them or not."""
     first, later = round_of(A, C), round_of(B, before=(A,))
     chosen, other = first.trials
     first = replace(first, trials=(chosen, replace(other, objection=module.LIMITED)), tied=())
@@ -189,7 +189,7 @@ def test_effects_that_a_member_makes_needless_are_left_out():
 
 
 def test_a_member_is_not_lost_because_nothing_was_searched_beside_it():
-    """Beside the moment it takes backlash and not the deadband that the search found beside the offset."""
+    """The search found the deadband beside the offset; beside the yaw moment, the backlash is needed instead."""
     likely = {(A, B): 100.0, (C, B): 60.0, (C, E): 100.0}
     rounds = round_of(A, C), round_of(B, before=(A,))
     assert odds(weighed(likely, *rounds), C)[0] < 1e-6
@@ -214,7 +214,7 @@ def test_later_effects_are_added_to_what_was_searched_up_to_the_most():
 
 
 def test_halves_that_disagree_leave_a_tie_whatever_the_sum_says():
-    """One part speaks for the first by 60, each other for the second by 4: 40 ahead, half of the halves against."""
+    """One part favours the first by 60, each other part the second by 4: 40 in sum, but half of the halves disagree."""
     made = round_of(A, C)
     found = weighed({(A,): [60.0, 0, 0, 0, 0, 0], (C,): [0.0, 4, 4, 4, 4, 4]}, made)
     assert odds(found, A, C) == pytest.approx([0.5, 0.5], abs=0.01)
@@ -231,14 +231,14 @@ def test_what_halves_choose_instead_is_weighed_too():
 
 
 def test_the_least_probability_is_that_of_halves_that_prefer_the_worse_of_two_by_a_tie():
-    """Evidence of the parts scatters by twice its root, as that of a right model does; together it is a tie's."""
+    """The evidence of parts scatters by twice its root, as for a correct model; the sum is the width of a tie."""
     parts = np.random.default_rng(0).normal(0.0, np.sqrt(4.0 * TIE / 6.0), (20000, 6))
     parts += (TIE - parts.sum(axis=1, keepdims=True)) / 6.0
     assert (parts[:, :3].sum(axis=1) < 0.0).mean() == pytest.approx(LEAST_PROBABLE, abs=0.005)
 
 
 def passing(*refused):
-    """A gate that refuses sets with these effects."""
+    """A gate that refuses sets with any of these effects."""
 
     def passes(made: Explanation) -> Explanation | None:
         return None if any(not set(refused).isdisjoint(c.paths) for c in made.candidates) else made
@@ -261,7 +261,7 @@ def test_the_set_that_explains_more_than_the_chosen_one_is_reported_if_it_passes
 
 
 def test_a_set_is_reported_without_what_is_idle_in_it_if_that_is_likelier_than_the_chosen_one():
-    """A fit that stopped in a valley, which the start with another effect did not: neither effect is there."""
+    """One fit stopped in a valley and a fit with another effect did not, but neither effect is present."""
     rounds = [round_of(A), round_of(B, C, before=(A,))]
     for alone, paths in ((130.0, (A,)), (90.0, (A, B))):
         likely = {(A, B): 100.0, (A, C): 130.0, (A,): alone}
@@ -300,7 +300,7 @@ def glider():
 def test_what_an_effect_is_worth_is_the_square_of_its_size_in_standard_errors(glider):
     bench, state = glider
     without = bench.without(state, [A])
-    assert bench.worth(state, [A]) > bench.gain(without, state)  # where accelerations may take its part
+    assert bench.worth(state, [A]) > bench.gain(without, state)  # accelerations may absorb the effect
     assert bench.worth(state, [A, B]) > bench.worth(state, [A]) > bench.worth(without, []) == 0.0
     own = bench.by_part(state)
     spread = np.linalg.inv(own.known + own.normals.sum(axis=0))

@@ -1,4 +1,4 @@
-"""Further noises: a swell, found by the errors' spectrum, and errors of readings that last; neither makes a name."""
+"""Tests of further noises: a swell, found by the spectrum of the errors, and lasting sensor errors."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -30,7 +30,7 @@ ROWS, SIZE = 1000, 0.15  # rad, of the offset
 
 
 def cycle(rng: np.random.Generator, rows: int, dt: float) -> np.ndarray:
-    """A stochastic cycle of deviation 1, (rows,), as a complex number that turns and fades."""
+    """A stochastic cycle of deviation 1, (rows,): the real part of a complex number that rotates and decays."""
     keeps, found, z = np.exp((2j * np.pi / PERIOD - 1.0 / LASTING) * dt), np.empty(rows), 0.0
     z = rng.standard_normal() + 1j * rng.standard_normal()
     for k in range(rows):
@@ -40,9 +40,9 @@ def cycle(rng: np.random.Generator, rows: int, dt: float) -> np.ndarray:
 
 
 def log_of(push: float, seed: int = 0, fading: float = 0.0, wander: float | None = None) -> Record:
-    """A glider with a rudder offset under random yaw accelerations: of a swell, and such as fade over 14 s.
+    """A glider with a rudder offset under random yaw accelerations, of a swell and of others that decay over 14 s.
 
-    wander: deviation of lasting errors of the compass, rad, beside which a gyro is logged.
+    wander: deviation of lasting compass errors, rad; if given, a gyro is logged as well.
     """
     rows = ROWS
     plant, rng = replace(replace_at(GLIDER, OFFSET, SIZE), dt=1.0), np.random.default_rng(seed)
@@ -67,7 +67,7 @@ def log_of(push: float, seed: int = 0, fading: float = 0.0, wander: float | None
 
 
 def drifted(rng: np.random.Generator, rows: int, lasting: float) -> np.ndarray:
-    """A first-order Gauss-Markov process of deviation 1, (rows,), a row each second; lasting: s."""
+    """A first-order Gauss-Markov process of deviation 1, (rows,), one row a second; lasting: correlation time, s."""
     keeps, found = np.exp(-1.0 / lasting), rng.standard_normal(rows)
     for k in range(1, rows):
         found[k] = keeps * found[k - 1] + np.sqrt(1.0 - keeps**2) * found[k]
@@ -87,7 +87,7 @@ def fitted(record: Record) -> tuple[Workbench, State]:
 
 @pytest.fixture(autouse=True)
 def one_velocity_is_enough(monkeypatch):
-    """The glider's, whose filter is soon made."""
+    """Accept a swell in one velocity, as a glider has, whose filter is fast."""
     monkeypatch.setattr(further_noises, "LEAST_OF_SWELL", 1)
 
 
@@ -103,10 +103,10 @@ def test_a_swell_is_found_with_its_period_and_noises(pushed):
     other, (found,) = with_further_noises(bench, [state])
     assert other is not bench
     (size, time) = other.problem.noise_at(found.point).swell[other.problem.periods[-1]]["r_radps"]
-    assert size == pytest.approx(PUSH, rel=0.3)  # a thousand rows hold some ten of its correlation times
+    assert size == pytest.approx(PUSH, rel=0.3)  # a thousand rows hold some ten correlation times
     assert LASTING / 3.0 < time < 3.0 * LASTING
     assert other.problem.objective(found.point, ()) > bench.problem.objective(state.point, ()) + 20.0
-    assert period_of_swell(other.problem, found.point) is None  # its errors have no peak any more
+    assert period_of_swell(other.problem, found.point) is None  # the errors have no peak any more
 
 
 @pytest.mark.parametrize("fading", [0.0, 2e-3])
@@ -119,7 +119,7 @@ def test_none_is_found_in_noise_or_gusts(fading):
 
 @pytest.mark.parametrize("peak, found", [(0.0, False), (3.0, True)])
 def test_errors_that_merely_fade_have_no_peak(peak, found):
-    """A spectrum that falls with frequency, and one with a peak on the slope."""
+    """One spectrum falls with frequency, and another one has a peak on the slope."""
     rows, rng = 4000, np.random.default_rng(0)
     drift, keeps = np.zeros(rows), np.exp(-1.0 / 3.0)
     for k in range(1, rows):
@@ -136,7 +136,7 @@ def test_errors_that_merely_fade_have_no_peak(peak, found):
 
 
 def test_waves_alone_are_looked_for_before_a_search(pushed, monkeypatch):
-    """Errors that have a colour may be due to what is missing."""
+    """Coloured errors may be due to a missing effect."""
     bench, state = pushed
     monkeypatch.setattr(further_noises, "coloured_channels", lambda *_: bench.problem.channels)
     other, (found,) = with_further_noises(bench, [state], waves_alone=True)
@@ -149,7 +149,7 @@ def test_waves_alone_are_looked_for_before_a_search(pushed, monkeypatch):
 
 @pytest.mark.parametrize("size, sea", [(0.0, True), (0.02, False)])
 def test_waves_beside_which_a_sensor_swings_are_not_there_before_a_search(size, sea):
-    """As much as a filter makes of them, its errors keep the period: something else has it, too."""
+    """With a swell in the filter its errors keep the period, so that something else has this period, too."""
     record, rng = log_of(PUSH, wander=0.0), np.random.default_rng(5)
     swinging = record["heading_rad"] + size * cycle(rng, ROWS, 1.0)
     bench, state = fitted(record.with_channels({"heading_rad": swinging}))
@@ -171,7 +171,7 @@ def test_a_grey_box_tells_a_swell_beside_which_a_record_is_likelier(push, monkey
 
 def test_one_that_brings_less_than_it_costs_is_not_taken(pushed, monkeypatch):
     bench, state = pushed
-    monkeypatch.setattr(further_noises, "coloured_channels", lambda *_: ())  # the swell alone
+    monkeypatch.setattr(further_noises, "coloured_channels", lambda *_: ())  # only the swell
     assert with_further_noises(bench, [state])[0] is not bench
     monkeypatch.setattr(further_noises, "COST", 1e6)
     assert with_further_noises(bench, [state]) == (bench, [state])
@@ -189,7 +189,7 @@ def test_both_of_a_pair_have_the_noises_of_the_first_and_cost_as_one(pushed):
     point = problem.begun_with(state.point)
     count, size = len(problem.channels), len(problem.pushed)
     other = point.logs.copy()
-    other[count + size - 1] += 3.0  # the second one's own
+    other[count + size - 1] += 3.0  # the noise of the second of the pair
     other[-1] += 1.0
     for one, same in zip(problem._numbers(point.logs), problem._numbers(other), strict=True):
         assert np.array_equal(one, same)
@@ -233,7 +233,7 @@ def test_a_problem_has_the_noises_that_were_found_elsewhere(pushed):
 
 
 def test_what_swings_in_one_velocity_alone_is_no_swell(pushed, monkeypatch):
-    """A loop may, by a deadband or play; and a vehicle of one velocity is not asked."""
+    """A control loop may oscillate by a deadband or backlash; a vehicle with one velocity is not tested."""
     bench, state = pushed
     taken = []
     monkeypatch.setattr(further_noises, "LEAST_OF_SWELL", 2)
@@ -254,15 +254,15 @@ def test_what_lasts_of_a_compass_s_errors_is_found_beside_a_gyro(wandering):
     assert coloured_channels(bench.problem, state.point)
     other, (found,) = with_further_noises(bench, [state])
     ((size, time),) = other.problem.noise_at(found.point).lasting[0.0].values()
-    assert size == pytest.approx(0.03, rel=0.4)  # a thousand rows hold some fifteen of its correlation times
+    assert size == pytest.approx(0.03, rel=0.4)  # a thousand rows hold some fifteen correlation times
     assert LASTING / 3.0 < time < 3.0 * LASTING
     assert not what_is_left(other, found)
     assert with_further_noises(other, [found]) == (other, [found])
-    assert other.problem.misread.sum() == 1  # what came to nothing is no longer there
+    assert other.problem.misread.sum() == 1  # errors of negligible strength are removed
 
 
 def test_a_law_of_what_a_reading_errs_by_is_that_of_the_row_before(wandering):
-    """States and commands of its own row have been told by the reading."""
+    """The states and the commands of the reading's own row already depend on it."""
     bench, state = wandering
     other, (found,) = with_further_noises(bench, [state])
     problem, axis = other.problem, len(other.problem.pushed) - 1
@@ -283,7 +283,7 @@ def test_noises_of_readings_are_those_that_were_given(wandering):
 
 @pytest.mark.slow
 def test_a_current_is_named_in_a_swell_and_the_swell_is_told():
-    """Without one in the noises, the verdict is `unexplained`, with a false added inertia in roll."""
+    """Without a swell among the noises, the verdict is `unexplained`, with a false added inertia in roll."""
     case = "torpedo, swell"
     rng = np.random.default_rng([1, 1])
     found = diagnose(cruised(truth_of(case, rng), rng, **CASES[case].pushes), load_vehicle("vt690"))

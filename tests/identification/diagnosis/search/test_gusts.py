@@ -1,4 +1,4 @@
-"""Whether random accelerations are stronger at some times than at others."""
+"""Tests of whether random accelerations are stronger at some times than at others."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def test_slopes_of_all_parts_are_those_of_the_whole():
 
 @pytest.mark.slow
 def test_the_level_is_shared_by_parts_and_accelerations(monkeypatch):
-    """At a level that all parts together reach by chance, something shows; at the level that is asked for, seldom."""
+    """At a level of 5 %, a test flags at most as many of 24 logs as chance allows."""
     monkeypatch.setattr(module, "LEFT", 0.05)
     false = sum(any(gusts(*fitted(glider_log(seed)))) for seed in range(20, 44))
     assert false <= 4  # 24 at 5 %: more in 0.6 %

@@ -1,4 +1,4 @@
-"""The level of each of many correlated tests, by a simulation that shares nothing with the one that sets it."""
+"""Tests of the level of each of many correlated tests, by independent simulation."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from identification.diagnosis.search.multiplicity import level_of_each, summed_u
 
 
 def correlated(rng, rows=60):
-    """Steps at neighbouring places, which are nearly one, and some signatures of their own."""
+    """Steps at neighbouring places, which are nearly the same, and some unrelated signatures."""
     steps = (np.arange(200)[None] > np.linspace(20, 180, rows)[:, None]).astype(float)
     return np.vstack([steps, rng.standard_normal((5, 200))])
 
@@ -18,7 +18,7 @@ def test_all_together_are_wrong_as_often_as_is_asked(level):
     rng = np.random.default_rng(7)
     signatures = correlated(rng)
     each = level_of_each(signatures, level)
-    assert each > 1.5 * level / len(signatures)  # Bonferroni's, which takes them for unrelated
+    assert each > 1.5 * level / len(signatures)  # that of Bonferroni assumes unrelated tests
     units = signatures / np.linalg.norm(signatures, axis=1)[:, None]
     squares = (units @ rng.standard_normal((200, 20000))) ** 2
     wrong = float((chi2.sf(squares.max(axis=0), 1) < each).mean())

@@ -1,4 +1,4 @@
-"""Two effects that show only together: how pairs are screened, and what the best one must pass."""
+"""Tests of pairs: effects that show only together, their screening, and the gate for the best pair."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -29,7 +29,7 @@ TRUE = {"effects.rudder.deadband": 0.12, "effects.rudder.lost_travel": 0.25}
 
 @pytest.fixture(scope="module")
 def log():
-    """A glider's log with a rudder that has a deadband and saturates early."""
+    """A log of a glider whose rudder has a deadband and saturates early."""
     return run_mission(replace_at(QUICK, TRUE), np.random.default_rng(2), duration=1200.0)
 
 
@@ -81,7 +81,7 @@ def test_no_pair_has_an_effect_in_the_direction_that_it_cannot_have(screened):
 
 
 def test_two_that_act_alike_are_no_pair(screened):
-    """An offset of the rudder and a constant moment turn the vehicle alike; their difference would be neither."""
+    """A rudder offset and a constant moment turn the vehicle alike; a pair of them would mean neither."""
     *_, found = screened
     sets = [set(whole.candidate.paths) for whole, _ in found]
     assert sets
@@ -91,7 +91,7 @@ def test_two_that_act_alike_are_no_pair(screened):
 @pytest.mark.slow
 @pytest.mark.parametrize("way", ["paired", "paired_instead"])
 def test_two_effects_of_one_rudder_are_both_named(log, monkeypatch, way):
-    """Pairs are tried beside what was found first, and instead of it: either way finds these."""
+    """Pairs are tried beside the effect found first, and instead of it; each way finds these two."""
     monkeypatch.setattr(Reconsidering, way, lambda self, state, rounds: (state, rounds))
     found = diagnose(log, QUICK)
     assert {e.path for e in found.effects} == set(TRUE)
@@ -103,8 +103,8 @@ def test_two_effects_of_one_rudder_are_both_named(log, monkeypatch, way):
     "likely, found",
     [
         ({}, {OFFSET, LAG}),
-        ({"together": (200.0, 52.4)}, set()),  # the first one's evidence from parts beside the second is -27.6
-        ({"together": (95.0, 84.0), "second": (90.0, 80.0)}, set()),  # the second one alone does nearly as well
+        ({"together": (200.0, 52.4)}, set()),  # beside the second, the first has -27.6 from parts
+        ({"together": (95.0, 84.0), "second": (90.0, 80.0)}, set()),  # the second alone does nearly as well
         ({"together": (200.0, 0.0), "second": (20.0, -20.0)}, set()),  # the pair as a whole does not hold
     ],
 )
@@ -128,7 +128,7 @@ def test_a_pair_is_for_the_search_that_has_room_for_two(monkeypatch):
 
 @pytest.mark.parametrize("alone, room, better", [(150.0, 2, True), (190.0, 2, False), (150.0, 1, False)])
 def test_a_pair_takes_an_effects_place_where_it_is_likelier_by_more_than_chance(monkeypatch, alone, room, better):
-    """Of three candidates a pair can be chosen in three ways: 9.9 is by chance one time in 200."""
+    """Three candidates have three pairs: by chance, an evidence of 9.9 occurs once in 200 times."""
     bench, _ = promising(monkeypatch)
     bench.likely[frozenset({MOMENT})] = (alone, alone)
     single = with_probes({MOMENT: 5.0}, *COEFFICIENTS)
@@ -140,7 +140,7 @@ def test_a_pair_takes_an_effects_place_where_it_is_likelier_by_more_than_chance(
 
 
 def test_of_a_pair_each_is_compared_with_all_others_in_its_place(monkeypatch):
-    """So that what is tied with it is found, and what does better beside the other one."""
+    """The comparison finds effects tied with a member, and better ones beside the other member."""
     bench, both = promising(monkeypatch)
     asked = []
 
@@ -158,7 +158,7 @@ def test_of_a_pair_each_is_compared_with_all_others_in_its_place(monkeypatch):
 
 
 def promising(monkeypatch, together=(200.0, 100.0), first=(20.0, 1.0), second=(90.0, 80.0)):
-    """A table of two effects whose pair is all that the screening finds, and the state with both."""
+    """A table of two effects whose pair is the only result of the screening, and the state with both."""
     likely = {frozenset(): (0.0, 0.0), frozenset({OFFSET}): first, frozenset({LAG}): second}
     bench = Table(likely | {frozenset({OFFSET, LAG}): together})
     both = with_probes({OFFSET: 5.0, LAG: 5.0}, *COEFFICIENTS)
@@ -177,7 +177,7 @@ def promising(monkeypatch, together=(200.0, 100.0), first=(20.0, 1.0), second=(9
 
 
 def test_a_pair_that_promises_next_to_nothing_after_a_few_steps_is_not_fitted(screened, monkeypatch):
-    """And of one that comes from several bases, that which promises more."""
+    """If a pair is begun from several bases, the one that promises most is fitted."""
     bench, state, candidates, found = screened
     pair, count = found[0], len(candidates)
     bar = trials.threshold(count * (count - 1) // 2, 2)

@@ -1,4 +1,4 @@
-"""A search as a whole: that it is repeated where what it found asks for shorter steps of integration."""
+"""Tests of a whole search, such as its repetition if the result needs shorter integration steps or further noises."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -44,7 +44,7 @@ def test_it_is_repeated_in_the_steps_that_suit_what_was_found(monkeypatch, asked
 
 
 def test_each_round_ends_with_a_fit_from_the_given_coefficients_however_far_behind_they_are(monkeypatch):
-    """Coefficients that paid for an effect may stay where they went once it is there, and others then pay for that."""
+    """Coefficients that have compensated an effect may stay where they are beside it, and others compensate them."""
     plant = load_vehicle("slocum")
     flown = replace_at(plant, "effects.rudder.offset", 0.05)
     log = check_log(closed_loop(flown, rng=np.random.default_rng(3), duration=600.0), plant, Asked(most=1))
@@ -68,7 +68,7 @@ def test_each_round_ends_with_a_fit_from_the_given_coefficients_however_far_behi
 
 
 def test_a_fit_that_has_ended_in_a_valley_goes_on_from_a_trial_that_gains_more_than_chance(monkeypatch):
-    """Whatever is free in one more direction gains from there: the log would seem to lack something."""
+    """From a valley, any fit with one more free parameter gains, so that something would seem to be missing."""
     plant = load_vehicle("slocum")
     log = check_log(closed_loop(plant, rng=np.random.default_rng(3), duration=600.0), plant, Asked())
     known = fit_known(log, lambda fraction, text: None)
@@ -82,7 +82,7 @@ def test_a_fit_that_has_ended_in_a_valley_goes_on_from_a_trial_that_gains_more_t
     trials = [SimpleNamespace(state=trial, train=gained), SimpleNamespace(state=None, train=0.0)]
     assert bench.gain(stuck.out_of_valley(trials, bar).nominal, top) == pytest.approx(0.0, abs=0.5)
     assert stuck.out_of_valley(trials[1:], bar) is stuck
-    assert stuck.out_of_valley(trials, 1.1 * gained) is stuck  # chance may gain as much
+    assert stuck.out_of_valley(trials, 1.1 * gained) is stuck  # as much can be gained by chance
     assert known.out_of_valley(trials, bar) is known  # there is nothing to gain
     monkeypatch.setattr(
         searching, "attribute", lambda bench, nominal, *_: (nominal, [SimpleNamespace(trials=trials, chosen=None)])
@@ -94,7 +94,7 @@ def test_a_fit_that_has_ended_in_a_valley_goes_on_from_a_trial_that_gains_more_t
 
 @pytest.fixture(scope="module")
 def turning():
-    """A log with a rudder offset, and what is known of its vehicle."""
+    """A log with a rudder offset, and the fits before a search."""
     plant = replace_at(load_vehicle("slocum"), "effects.rudder.offset", 0.05)
     log = check_log(closed_loop(plant, rng=np.random.default_rng(3), duration=400.0), load_vehicle("slocum"), Asked())
     return log, fit_known(log, lambda fraction, text: None)
@@ -116,7 +116,7 @@ def test_what_is_sought_is_fitted_to_the_end_however_little_it_promises(turning)
     "ahead, farther, kept", [(0.0, False, False), (5.0, False, False), (50.0, False, True), (0.0, True, True)]
 )
 def test_a_search_is_repeated_beside_further_noises(monkeypatch, turning, ahead, farther, kept):
-    """Beside what it has found; the first one counts where the second has lost the way, or foretells less."""
+    """The first search counts if the second one ends far less likely, or its free runs are farther from the log."""
     (log, known), asked, sought = turning, [], []
     other = replace(known)
 
@@ -144,11 +144,11 @@ def test_a_search_is_repeated_beside_further_noises(monkeypatch, turning, ahead,
     assert len(asked) == 2  # once in each search, where no further effect was accepted
     assert all("effects.rudder.offset" in paths or "effects.yaw.moment" in paths for paths in asked)
     assert not sought[0]
-    assert set(sought[1]) == {*asked[0]} - {*known.nominal.paths}  # what was found without them is tried to the end
+    assert set(sought[1]) == {*asked[0]} - {*known.nominal.paths}  # effects found without them are fitted to the end
 
 
 def test_further_noises_are_looked_for_also_where_there_was_no_time_for_a_further_effect(turning, monkeypatch):
-    """Once: a search beside them that has no time left ends with what it has."""
+    """The search is repeated once: a search beside further noises without time left ends with its result."""
     (log, known), asked = turning, []
     other = replace(known)
 
@@ -177,7 +177,7 @@ def test_further_noises_are_looked_for_also_where_there_was_no_time_for_a_furthe
 def test_waves_that_show_before_a_search_are_there_throughout_unless_it_explains_them(
     turning, monkeypatch, swell, found_one, left, kept
 ):
-    """One search beside them then, and none without; what makes a vehicle swing may look like waves at first."""
+    """Then there is one search only, beside them; other causes of oscillation may look like waves at first."""
     (log, known), searched = turning, []
     other = replace(known)
     monkeypatch.setattr(searching, "candidates_of", lambda *given: candidates_of(*given) if found_one else [])
@@ -220,7 +220,7 @@ def test_free_runs_are_nearer_with_what_is_there(turning, monkeypatch):
 
 @pytest.mark.slow
 def test_what_is_known_is_fitted_in_the_steps_that_suit_it(monkeypatch):
-    """An unstable vehicle that nothing pushes: a first guess of its noises allows longer steps than the log does."""
+    """For an unstable vehicle without process noise, first guesses of noises allow longer steps than the log does."""
     plant = load_vehicle("remus100")
     log = check_log(
         run_mission(plant, np.random.default_rng(1), duration=60.0), plant, Asked(window=8.0, settle=2.0, doubt=0.0)

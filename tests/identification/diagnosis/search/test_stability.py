@@ -1,4 +1,4 @@
-"""Stability selection on regressions whose truth is known."""
+"""Tests of stability selection on regressions with a known truth."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What halves of a record would have chosen, and what would have been chosen without a part of it."""
+"""Tests of the choices of halves of a record, and of the choice without a part of it."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ COUNT = 20
 
 
 class Told:
-    """What the parts say for a state, added up; a refit changes nothing."""
+    """The evidence of the parts for a state, which is summed; a refit changes nothing."""
 
     def __init__(self, evidence):
         self.evidence = np.asarray(evidence, dtype=float)
@@ -31,7 +31,7 @@ class Told:
 
 
 class Parts:
-    """A bench of six parts, of which each has its evidence for each of two trials."""
+    """A bench of six parts, each with its evidence for each of two trials."""
 
     parts = range(6)
 
@@ -65,7 +65,7 @@ def test_a_half_needs_half_of_its_share_of_the_evidence():
 
 
 def test_what_one_part_alone_shows_does_not_hold():
-    """Halves with the part choose it, ten of twenty, and the others choose nothing."""
+    """Ten of twenty halves contain the part and choose the effect; the others choose nothing."""
     found = Parts([100.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0] * 6).found
     assert found.frequency == 0.5
     assert not found.holds
@@ -73,7 +73,7 @@ def test_what_one_part_alone_shows_does_not_hold():
 
 def test_parts_that_show_another_effect_make_it_a_rival():
     found = Parts([40.0, 40.0, 40.0, 40.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 60.0, 60.0]).found
-    # halves with both of the last parts have 40 for the first and 120 for the second: 4 of 20; with one, 80 and 60
+    # 4 of 20 halves contain both last parts: 40 for the first effect, 120 for the second; with one of them, 80 and 60
     assert found.frequency == pytest.approx(0.8)
     assert found.instead == pytest.approx({SECOND.paths[0]: 0.2})
     assert found.rivals == SECOND.paths
@@ -82,7 +82,7 @@ def test_parts_that_show_another_effect_make_it_a_rival():
 
 
 def test_parts_that_tell_two_effects_apart_less_well_do_not_contradict():
-    """One that leads in each half by less than half of what a tie may differ."""
+    """The other effect leads in each half by less than half of the width of a tie."""
     lead = TIE / 6.0
     assert Parts([20.0] * 6, [20.0 + 0.99 * lead] * 6).found.frequency == 1.0
     assert Parts([20.0] * 6, [20.0 + 1.01 * lead] * 6).found.instead == pytest.approx({SECOND.paths[0]: 1.0})
@@ -98,7 +98,7 @@ def test_refused_trials_and_those_without_a_fit_are_never_preferred():
 
 
 def test_without_a_part_the_others_choose():
-    """Five parts see the first effect; without the one that shows it, nothing is chosen or another effect is."""
+    """If all parts see the effect, it stays without any one; without the only part that sees it, the choice changes."""
     state = state_of(QUICK, "effects.rudder.offset")
 
     def without(bench, part):
@@ -117,7 +117,7 @@ def test_an_effect_of_a_log_survives_and_one_that_begins_in_it_is_seen_in_fewer_
     path = "effects.rudder.offset"
     rng, true = np.random.default_rng(2), replace_at(QUICK, path, 0.05)
     record = run_mission(true, rng, duration=1200.0)
-    if half:  # the heading drifts through the last sixth alone
+    if half:  # the heading drifts in the last sixth only
         plain = run_mission(QUICK, np.random.default_rng(2), duration=1200.0)
         late = record.time > 1000.0
         drift = np.where(late, 0.004 * (record.time - 1000.0), 0.0)

@@ -1,4 +1,4 @@
-"""Second thoughts: a wrong effect gives way to the right one, a right one stays."""
+"""Tests of second thoughts: a wrong effect is replaced by the right one, and a right one stays."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ TRUE, WRONG = "effects.rudder.dead_time", "effects.rudder.deadband"
 
 @pytest.fixture(scope="module")
 def search():
-    """A glider's log with a late rudder: the search over all candidates, and its state before any is chosen."""
+    """The search over all candidates for a glider with a late rudder, and the state before any is chosen."""
     plant = load_vehicle("ganeshblue")
     record = run_mission(replace_at(plant, TRUE, 4.0), np.random.default_rng(3))
     bench = Workbench(plant, record, parts_of(plant, record), 0.1)
@@ -26,7 +26,7 @@ def search():
 
 
 def begun(search, start, path):
-    """The round that could choose nothing but one effect."""
+    """A round whose only candidate was one effect."""
     only = [c for c in search.candidates if path in c.paths]
     made = selected(search.bench, start, only, len(search.candidates), ())
     return Round(made.trials, made.trials[0], (), {})

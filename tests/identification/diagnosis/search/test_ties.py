@@ -1,4 +1,4 @@
-"""What counts as a tie, to either side of each bar."""
+"""Tests of what counts as a tie, on both sides of each bar."""
 
 from dataclasses import dataclass, field
 
@@ -16,7 +16,7 @@ APART = Likeness(0.5, (1.0,), 100.0, {})
 
 @dataclass
 class Costs:
-    """A workbench that knows what each state costs in each window."""
+    """A workbench with a given cost of each state in each window."""
 
     of: dict = field(default_factory=dict)
 

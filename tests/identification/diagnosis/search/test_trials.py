@@ -1,4 +1,4 @@
-"""Why a candidate is not even fitted to the end, or refused when it is: each reason on a glider's log."""
+"""Tests of trials on a glider's log: each reason why a candidate is not fitted to the end, or refused after it."""
 
 from copy import copy
 from dataclasses import replace
@@ -51,7 +51,7 @@ def test_the_right_one_is_accepted_and_leads(tried):
 
 
 def test_what_is_chosen_passes_all_that_the_gate_asks(start, tried, monkeypatch):
-    """A first judgement takes errors for white; intervals that allow for more may refuse what it accepts."""
+    """A first judgement assumes white errors; the wider intervals of the complete gate may refuse what it accepts."""
     bench, state, candidates = start
     assert trials.sure(bench, state, tried[OFFSET], len(candidates)).objection == ""
     monkeypatch.setattr(Workbench, "intervals", lambda self, of: dict.fromkeys(of.paths, (0.0, 1.0, 1000.0)))
@@ -149,7 +149,7 @@ def test_what_lasts_and_a_swell_are_taken_for_weaker_by_themselves_beside_what_i
 
 
 def test_starts_move_with_a_candidate_and_the_coefficients_that_it_moves():
-    """A pump that errs by 7 % and drag off by 9 %: the unknown volume of each dive moves far with them."""
+    """The pump errs by 7 % and the drag by 9 %, so that the unknown volume of each dive moves far with them."""
     plant, pump = replace(load_vehicle("mermaid"), deviations={}), "effects.oil.pump_gain"
     drags = {p: 0.91 * value_at(plant, p) for p in ("hull.drag_quadratic", "hull.drag_linear")}
     record = run_mission(replace_at(plant, {pump: 0.07, **drags}), np.random.default_rng(3))
@@ -162,7 +162,7 @@ def test_starts_move_with_a_candidate_and_the_coefficients_that_it_moves():
 
 @pytest.mark.parametrize("here, there, taken", [(50.0, 40.0, "here"), (30.0, 40.0, "there"), (1.0, -40.0, "there")])
 def test_what_leads_nowhere_from_another_base_begins_where_the_state_is(start, monkeypatch, here, there, taken):
-    """Where the state's own screening promises more than few steps from another base have reached, and enough."""
+    """This holds if the state's own screening promises enough, and more than a few steps from the other base reach."""
     bench, state, candidates = start
     (offset,) = (c for c in candidates if OFFSET in c.paths)
     base, one = replace(state), screened_of(OFFSET, evidence=here)
@@ -194,7 +194,7 @@ def test_a_base_with_other_noises_is_compared_with_the_state_at_these(start):
 
 @pytest.mark.parametrize("seed", [3, 4])
 def test_beside_coefficients_as_given_what_is_idle_promises_nothing(seed):
-    """A few steps from there bring the coefficients nearer to the truth, whatever candidate is beside them."""
+    """A few steps from there bring the coefficients closer to the truth, whichever candidate is added."""
     path, *_ = paths = QUICK.family.coefficients
     true = replace_at(QUICK, path, 0.6 * value_at(QUICK, path))
     record = run_mission(true, np.random.default_rng(seed), duration=500.0)
@@ -205,11 +205,11 @@ def test_beside_coefficients_as_given_what_is_idle_promises_nothing(seed):
     promised = trials.begun_from(bench, state, base, one, trials.rival_of(bench, state, base)).promise
     assert promised < 1.0
     fixed = replace(state, point=bench.problem.point(state.point.vector, base.point.logs, state.point))
-    assert trials.begun_from(bench, state, base, one, fixed).promise > 10.0  # as much as a finalist
+    assert trials.begun_from(bench, state, base, one, fixed).promise > 10.0  # enough for a finalist
 
 
 def test_a_candidate_promises_more_than_what_is_free_without_it_brings(start, monkeypatch):
-    """From a base whose coefficients were put off, most of what a step brings is what they bring by themselves."""
+    """From a base with wrong coefficients, most of a step's gain is due to the coefficients alone."""
     bench, state, candidates = start
     (offset,) = (c for c in candidates if OFFSET in c.paths)
     path = state.paths[0]
@@ -220,7 +220,7 @@ def test_a_candidate_promises_more_than_what_is_free_without_it_brings(start, mo
     promised = trials.begun_from(bench, state, base, screening, trials.rival_of(bench, state, base))
     whole = bench.gain(base, promised.state) / trials.misjudged(bench, base)
     assert 0.0 < promised.promise < 0.8 * whole
-    # and where the state itself cannot be quieter, it is what has to be surpassed
+    # if the state cannot be quieted, the candidate must surpass the state itself
     far = replace(base, point=replace(base.point, scores=base.point.scores - 1e3))
     monkeypatch.setattr(bench, "quieted", lambda state: ())
     monkeypatch.setattr(bench.problem, "descended", lambda point, paths, iterations: far.point)
@@ -234,7 +234,7 @@ def test_one_that_was_fitted_and_gains_little_is_not_significant(tried):
 
 
 def test_one_that_the_record_cannot_show_is_not_fitted(start):
-    """At no roll and one speed, nothing turns with roll, and what grows with the speed is a coefficient."""
+    """Without roll, nothing depends on it; at a constant speed, a growth with speed acts like a coefficient."""
     bench, _, candidates = start
     record = bench.record
     flat = record.with_channels({"roll_rad": np.zeros(len(record)), "u_mps": np.full(len(record), 0.4)})
@@ -270,7 +270,7 @@ def test_a_first_value_whose_run_is_lost_gives_way_to_the_others(start):
     whole, lost = trials.begun_from(bench, state, state, screening, state), []
 
     class Losing:
-        """The problem, of which the first run asked for is lost as it is in the filter: nothing in it is a number."""
+        """The problem, except that its first run is lost as in the filter, with NaN scores."""
 
         def __getattr__(self, name):
             return getattr(problem, name)
@@ -289,7 +289,7 @@ def test_a_first_value_whose_run_is_lost_gives_way_to_the_others(start):
 
 
 def regression_of(screened, regained: float = 0.0):
-    """A stand-in for regressions: what they screen, and what fitted coefficients promise by themselves."""
+    """A stand-in for regressions: given screenings, and the evidence that fitted coefficients promise by themselves."""
 
     class Told:
         def __init__(self, problem, point, fitted, bar):
@@ -307,7 +307,7 @@ def regression_of(screened, regained: float = 0.0):
 def test_signatures_are_taken_with_coefficients_as_given_where_these_promise_more(
     start, monkeypatch, poorer, regained, taken
 ):
-    """9 instead of 5, less twice what the log-likelihood is poorer by, but for what the coefficients regain."""
+    """9 instead of 5, minus twice the loss of log-likelihood there, plus what the coefficients regain."""
     bench, state, candidates = start
     only = [c for c in candidates if OFFSET in c.paths]
     scores = state.point.scores - poorer / bench.problem.counted.sum()
@@ -329,9 +329,9 @@ def test_signatures_are_taken_with_coefficients_as_given_where_these_promise_mor
 
 @pytest.mark.parametrize("promised, taken", [(19.0, "fitted"), (21.0, "quieted")])
 def test_signatures_are_taken_with_weaker_accelerations_where_these_promise_more(start, monkeypatch, promised, taken):
-    """5 as fitted; of what weak accelerations promise, a share, since the errors are twice what noise would make them.
+    """As fitted it is 5; a quarter of the promise with weaker noises counts, since errors are twice too large there.
 
-    That they are much less likely is no loss: what is found is fitted with the noises that suit it.
+    Their much lower likelihood does not count: a candidate is fitted with the noises that suit it.
     """
     bench, state, candidates = start
     only = [c for c in candidates if OFFSET in c.paths]
@@ -350,7 +350,7 @@ def test_signatures_are_taken_with_weaker_accelerations_where_these_promise_more
     (found,), bases, _ = trials._screened(bench, state, only, 10.0)
     assert bases[only[0]] is {"quieted": quieted, "fitted": state}[taken]
     assert found.evidence == pytest.approx(max(promised / 4.0, 5.0))
-    assert found.detectable[0] == 0.01  # of the noises as they are
+    assert found.detectable[0] == 0.01  # for the noises as fitted
 
 
 def screened_of(path: str, estimate: float = 0.0, evidence: float = 0.0) -> Screening:
@@ -380,7 +380,7 @@ def test_of_a_part_that_shows_nothing_no_candidate_is_listed_but_what_kinematics
 
 
 def test_one_that_passes_the_bar_is_not_lost_in_a_large_part():
-    """Thirty effects that are not there have evidence 30 on average: 40 of all of them together is nothing."""
+    """Thirty absent effects have an evidence of 30 on average, so that 40 for all together is not significant."""
     loud, other = (
         replace(screened_of(f"effects.hull.{k}", evidence=e), together=(40.0, 30)) for k, e in (("a", 25.0), ("b", 5.0))
     )
@@ -411,9 +411,9 @@ def test_what_promises_most_from_the_state_as_it_is_is_listed_whatever_weak_acce
 
 
 def test_what_promises_more_than_finalists_reached_is_fitted_too():
-    """The finalist, from a quieted state, keeps a tenth of what it promised, and two from the state as it is less.
+    """The finalist, from a quieted state, keeps a tenth of its promise; candidates from the state as it is keep all.
 
-    Of these, half of what is needed is enough: whole fits bring more.
+    For the latter, half of the bar is enough, since whole fits gain more.
     """
     quieted = replace(state_of(QUICK, OFFSET), quiet=True)
     begun = [
@@ -460,16 +460,16 @@ def test_finalists_are_the_three_best_and_whatever_is_near_the_best_or_plain():
 
     assert finalists([79.0, 81.0, 82.0, 83.0, 100.0, 10.0]) == [paths[k] for k in (4, 3, 2, 1)]
     assert finalists([1.0, 2.0, 3.0, 4.0, 100.0, 0.0], (paths[5],)) == [paths[k] for k in (4, 3, 2, 5)]
-    assert finalists([1.9, 2.1, -5.0, 0.0, -np.inf, np.nan]) == [paths[1]]  # the least that is worth a fit
+    assert finalists([1.9, 2.1, -5.0, 0.0, -np.inf, np.nan]) == [paths[1]]  # above the least promise for a fit
 
 
 @pytest.mark.parametrize(
     "path, estimate, probes",
     [
         (OFFSET, 3.0, [1.0, 3.0, -1.0]),
-        (OFFSET, -0.2, [-1.0, 1.0, -0.2]),  # a probe may be more than the record bears
+        (OFFSET, -0.2, [-1.0, 1.0, -0.2]),  # a probe may be too large for the record
         (OFFSET, 90.0, [1.0, 12.0, -1.0]),
-        (LAG, -3.0, [1.0, 3.0, 6.0]),  # one-sided: never negative, and what small ones do not show, larger ones may
+        (LAG, -3.0, [1.0, 3.0, 6.0]),  # one-sided: never negative; larger sizes may show what small ones do not
     ],
 )
 def test_a_fit_starts_on_both_sides_of_neutral_or_beyond_a_corner(path, estimate, probes):

@@ -1,4 +1,4 @@
-"""Windows that an unstable vehicle bears, steps of integration, priors of coefficients, and evidence by windows."""
+"""Tests of the workbench: windows for unstable vehicles, integration steps, priors, noises, and evidence by parts."""
 
 from dataclasses import replace
 
@@ -54,7 +54,7 @@ def bench_of(record, doubt: float = 0.1) -> Workbench:
 
 @pytest.fixture(scope="module")
 def log():
-    """A glider whose rudder does 10 % more than it is believed to."""
+    """A glider whose rudder is 10 % more effective than believed."""
     path = QUICK.family.coefficients[0]
     true = replace_at(QUICK, path, 1.1 * value_at(QUICK, path))
     return path, true, run_mission(true, np.random.default_rng(3), duration=500.0)
@@ -82,12 +82,12 @@ def test_a_vehicle_without_a_part_has_the_parameters_that_the_others_give(log, b
     paths, far = QUICK.family.coefficients, []
     point = bench.problem.solve(QUICK, paths, gain=1e-4)
     state = State(bench.problem.plant_at(point, paths), paths, point)
-    for part in (1, 2, 3, 4):  # without the first, its start would be another
+    for part in (1, 2, 3, 4):  # without the first part, the initial state would differ
         unseen, own = bench.unseen(state, part), bench.parts[part]
         others = [piece for other in bench.parts if other is not own for piece in other]
         fewer = PredictionErrors(bench.plant, log[2], [*others, *own], doubt=0.1, counted=others)
         there = fewer.point(state.point.vector, state.point.logs)
-        for _ in range(3):  # by errors alone, as parts tell it: how well starts are known depends on parameters, too
+        for _ in range(3):  # by errors alone, as parts do: the initial covariance depends on parameters, too
             there = fewer.descended(fewer.point(there.vector, there.logs, there), paths)
         for path in paths:
             error, value = bench.intervals(state)[path][1], value_at(state.plant, path)
@@ -108,30 +108,30 @@ def test_evidence_is_told_by_the_parts_that_it_comes_from(bench):
     costs = bench.costs(before) - bench.costs(after)
     assert costs.size == workbench.BLOCKS
     assert costs.sum() == pytest.approx(expected)
-    assert costs[4:8].sum() == pytest.approx(0.6 * rows[1], rel=0.1)  # a sixth of the record is four of its blocks
+    assert costs[4:8].sum() == pytest.approx(0.6 * rows[1], rel=0.1)  # a sixth of the record is four blocks
 
 
 def test_parts_foretell_each_other_worse_than_a_fit_of_all_explains_them(bench):
     before, after = bench.fit(QUICK, ()), bench.fit(QUICK, QUICK.family.coefficients)
     fitted, foretold = bench.gains(before, after)
     assert foretold < fitted - 0.5
-    assert fitted == pytest.approx(float((bench.costs(before) - bench.costs(after)).sum()), abs=1.0)  # and times
+    assert fitted == pytest.approx(float((bench.costs(before) - bench.costs(after)).sum()), abs=1.0)  # over blocks, too
 
 
 def test_each_model_has_the_noises_that_suit_it_best():
-    """Accelerations take the part of an offset that is missing, and come to nothing once it is there."""
+    """Accelerations absorb a missing offset, and vanish once it is in the model."""
     true = replace_at(QUICK, OFFSET, 0.05)
     bench = bench_of(run_mission(true, np.random.default_rng(3), duration=500.0))
     before = bench.fit(QUICK, ())
     after = bench.fit(true, (), before)
     assert "r_radps" in bench.problem.noise_at(before.point).process
     assert not bench.problem.noise_at(after.point).process
-    # wherever the search for them begins; it ends where a turn gains less than 0.04
+    # wherever the search for noises begins; it ends when an iteration gains less than 0.04
     assert bench.gain(bench.fit(true, ()), after) == pytest.approx(0.0, abs=0.5)
 
 
 def test_an_effect_is_found_although_accelerations_have_taken_its_part():
-    """Half of a rudder's travel is lost, of which a fit that begins at a probe sees little while they are strong."""
+    """Half of the rudder's travel is lost; a fit from one probe sees little of it while accelerations are strong."""
     path, paths = "effects.rudder.lost_travel", QUICK.family.coefficients
     bench = bench_of(run_mission(replace_at(QUICK, path, 0.5), np.random.default_rng(3), duration=900.0))
     without = bench.fit(QUICK, paths)
@@ -141,13 +141,13 @@ def test_an_effect_is_found_although_accelerations_have_taken_its_part():
 
 
 def test_what_is_taken_out_leaves_accelerations_to_take_its_part():
-    """The evidence for an offset is the same whether it was added to the model without it or is taken out again."""
+    """The evidence for an offset is the same whether it is added to a model or taken out of it."""
     paths = QUICK.family.coefficients
     bench = bench_of(run_mission(replace_at(QUICK, OFFSET, 0.02), np.random.default_rng(4), duration=900.0))
     before = bench.fit(QUICK, paths)
     beside = bench.fit(replace_at(before.plant, OFFSET, 0.01), (*paths, OFFSET), before)
     taken, added = bench.gain(bench.without(beside, [OFFSET]), beside), bench.gain(before, beside)
-    assert taken == pytest.approx(added, abs=5.0)  # thousands if they stay away; noises of two fits are a little apart
+    assert taken == pytest.approx(added, abs=5.0)  # thousands without accelerations; noises differ slightly
 
 
 def test_evidence_for_a_refit_is_less_what_the_coefficients_had_to_move(bench):
@@ -186,12 +186,12 @@ def test_only_coefficients_that_went_far_are_tried_as_given(bench):
     (given,) = bench.with_given(far)
     assert given.paths == ()
     assert given.plant == QUICK
-    assert bench.with_given(far) == (given,)  # made once
+    assert bench.with_given(far) == (given,)  # computed once
 
 
 @pytest.mark.parametrize("factor", [0.6, 1.3])
 def test_coefficients_as_given_get_noises_of_their_own(factor):
-    """Those of a fit that follows the record without any accelerations lead nowhere for a vehicle that does not."""
+    """The noises of a fit that follows the record without any acceleration do not suit a vehicle that leaves it."""
     path, *_ = paths = QUICK.family.coefficients
     true = replace_at(QUICK, path, factor * value_at(QUICK, path))
     bench = bench_of(run_mission(true, np.random.default_rng(3), duration=500.0))
@@ -210,11 +210,11 @@ def test_a_fit_goes_on_from_the_end_of_a_likelier_one_without_what_that_has_adde
     assert value_at(better.plant, OFFSET) == 0.0
     assert bench.gain(stuck, better) > 10.0
     assert value_at(better.plant, path) == pytest.approx(value_at(true, path), rel=0.02)
-    assert 0.0 <= bench.gain(better, bench.likelier_beside(better, stuck)) < 0.5  # it is at the top
+    assert 0.0 <= bench.gain(better, bench.likelier_beside(better, stuck)) < 0.5  # it is at the maximum
 
 
 def test_inertia_is_put_back_with_the_moments(torpedoes):
-    """All of one axis moved together are nearly the same vehicle; some of them are not."""
+    """If all coefficients of one axis change together, the vehicle is nearly the same; if only some do, it is not."""
     plant, record = load_vehicle("vt690"), torpedoes["vt690"].between(0.0, 40.0)
     bench = Workbench(plant, record, parts_of(plant, record), 0.1)
     paths = ("hull.yaw.ur", "parts.rudder.moment", "hull.i_zz", "hull.added_mass.n_rdot")
@@ -243,9 +243,9 @@ def test_what_was_fitted_is_taken_over_into_shorter_steps(torpedoes, monkeypatch
     state = bench.fit(bench.plant, ())
     bench.unfinished.append("a search")
     finer = bench.in_suited_steps(state)
-    assert finer.unfinished == []  # it has not begun
+    assert finer.unfinished == []  # the search has not begun
     assert finer.plant.longest_step < bench.plant.longest_step
     assert finer.in_suited_steps(state) is finer
     taken = finer.taken_over(state)
     assert taken.plant == finer.plant
-    assert abs(finer.gain(taken, finer.fit(finer.plant, ()))) < 0.05 * TIE  # nothing is decided by so little
+    assert abs(finer.gain(taken, finer.fit(finer.plant, ()))) < 0.05 * TIE  # too little to change any decision

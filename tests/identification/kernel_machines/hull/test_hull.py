@@ -1,4 +1,4 @@
-"""A hull learned from runs of a vehicle whose hull is known: what comes out, where it holds, and what is refused."""
+"""Tests of hulls learned from runs of a known vehicle: accuracy, range of validity, and refusals."""
 
 from dataclasses import replace
 from functools import cache

@@ -1,4 +1,4 @@
-"""Smoothing: the banded solution, the likelihood, and what is left of a series with and without noise."""
+"""Tests of smoothing: the banded solution, the likelihood, and series with and without noise."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""NARX LS-SVM: what it recovers, what it leaves to the linear part, what it says of itself and what it refuses."""
+"""Tests of NARX LS-SVM: recovery, its linear part, its description, and refusals."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Refinement by prediction errors: slopes that are right, losses that fall, and intervals that hold."""
+"""Tests of refinement by prediction errors: correct slopes, decreasing losses, and intervals with correct coverage."""
 
 import numpy as np
 import pytest
