@@ -16,7 +16,7 @@ from identification.fit.followed import Point
 from identification.fit.further_noises import further_noises
 from identification.fit.intervals import information_of, interval_of
 from identification.fit.noises import Noise
-from identification.fit.parameters import SIZES_OF_JUMPS, jumps
+from identification.fit.parameters import jumps
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.sensitivities import NOTHING
 from identification.fit.steps import brisk, in_steps, suited
@@ -157,13 +157,12 @@ class GreyBox:
 
     def _over_jumps(self, problem: PredictionErrors, plant: Plant, near: Point | None) -> Plant:
         """The plant with the likeliest of several sizes of effects with jumps, which no fit finds from near neutral."""
-        logs = problem.first_noise() if near is None else near.logs
         for path in filter(jumps, self.free):
-            spec = spec_at(plant, path)
-            if value_at(plant, path) == spec.neutral:
-                sizes = [spec.neutral + size * spec.probe for size in SIZES_OF_JUMPS]
-                tried = [replace_at(plant, path, size) for size in sizes if size <= spec.bounds[1]]
-                points = [problem.point(one.vector, logs, near) for one in tried]
+            spec, sizes = spec_at(plant, path), problem.sticking_sizes(path)
+            if value_at(plant, path) == spec.neutral and sizes:
+                here = problem.point(plant.vector, problem.first_noise()) if near is None else near
+                tried = [replace_at(plant, path, spec.neutral + size * spec.probe) for size in sizes]
+                points = [problem.with_gains(here, one.vector) for one in tried]
                 plant = tried[int(np.argmax([problem.objective(point, ()) for point in points]))]
         return plant
 

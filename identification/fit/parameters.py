@@ -19,8 +19,6 @@ from identification.fit.work import Work
 STEP, _STEP_ABOUT_CORNERS, _STEP_OVER_JUMPS = 1e-4, 0.1, 0.3
 # last part of the path of effects with jumps
 _JUMPS = frozenset(["stiction"])
-# in probes, tried for effects with jumps: two neighbours share nine jumps in ten
-SIZES_OF_JUMPS = tuple(float(size) for size in np.geomspace(0.3, 9.0, 36))
 _KINKED = frozenset(["deadband", "backlash", "stiction", "dead_time", "delay", "lag", "slowness", "lost_travel"])
 
 

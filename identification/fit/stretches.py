@@ -21,6 +21,7 @@ from identification.fit.first_readings import RATES, driven_states
 from identification.fit.parameters import Parameters
 from identification.fit.residual import noise_floor, noise_floors, resolution
 from identification.fit.shooting import Shooting, unknown_states
+from identification.fit.sticking import sticking_sizes
 from identification.fit.validation import head_windows
 
 _PROBE, _SMALL = 1e-4, 1e-6  # change of a state for its slopes, rad, m or m/s; of one in m^3
@@ -68,6 +69,7 @@ class Stretches(Parameters):
         self.record, self.process = record, process
         self._windows, self._counted = tuple(windows), counted
         self._added: tuple[tuple[Sequence[int], Sequence[int], float], ...] = ()
+        self._sticking: dict[str, tuple[float, ...]] = {}
         family = plant.family
         windows = sorted(windows, key=lambda w: w.start)
         stretches = _joined(windows, record) if process and not family.stepped else list(windows)
@@ -229,6 +231,12 @@ class Stretches(Parameters):
         for added in self._added:
             other = other.with_noises(*added)
         return other
+
+    def sticking_sizes(self, path: str) -> tuple[float, ...]:
+        """The sizes of a stiction worth trying, in probes, see `identification.fit.sticking`; found once."""
+        if path not in self._sticking:
+            self._sticking[path] = sticking_sizes(self.plant, self.record, path)
+        return self._sticking[path]
 
     @property
     def velocities(self) -> list[int]:

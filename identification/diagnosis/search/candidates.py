@@ -15,7 +15,7 @@ from auv_gym.records.record import Record
 from identification.deciding import ALIKE, MANY, ONLY_STARTS, SEEN
 from identification.fit.changing import ChangingPlant, change, changed, named_when
 from identification.fit.followed import Point
-from identification.fit.parameters import SIZES_OF_JUMPS, STEP, jumps, kinked
+from identification.fit.parameters import STEP, jumps, kinked
 from identification.fit.prediction_errors import PredictionErrors
 
 # Two components of one physical quantity are one candidate; a component that turns out small is dropped at the end.
@@ -50,11 +50,10 @@ class Candidate:
         """The candidate as a change of a `ChangingPlant`."""
         return Candidate(title, tuple(change(form, p) for p in self.paths))
 
-    @property
-    def steps(self) -> tuple[float, ...]:
+    def steps(self, problem: PredictionErrors) -> tuple[float, ...]:
         """The steps, in probes, for its signatures; both signs if commands may reach a stop."""
         if self.jumps:
-            return SIZES_OF_JUMPS
+            return problem.sticking_sizes(self.paths[0]) or (1.0,)
         if self.kinked:
             return KINKED_STEPS
         return (STEP, -STEP) if self.paths[0].rpartition(".")[2] in _ONE_SIDE_AT_STOPS else (STEP,)
@@ -297,7 +296,8 @@ class Regression:
             candidate, known = one.candidate, found.get(one.candidate, one)
             better = one if one.evidence > known.evidence or known.unseen else known
             shown = np.minimum(known.detectable, one.detectable) if candidate.jumps else known.detectable
-            found[candidate] = replace(better, detectable=shown, tried=len(candidate.steps) if candidate.jumps else 1)
+            tried = len(candidate.steps(self.problem)) if candidate.jumps else 1
+            found[candidate] = replace(better, detectable=shown, tried=tried)
         return [replace(found[c], together=together.get(part_of(c.paths[0]), (0.0, 0))) for c in candidates]
 
     def pairs(self, candidates: Sequence[Candidate], most: int) -> list[tuple[Screening, tuple[Screening, Screening]]]:
@@ -337,7 +337,7 @@ class Regression:
 
     def _signed(self, candidates: Sequence[Candidate], vector: np.ndarray | None = None) -> list[_Signed]:
         """A screening for each candidate and step, its signature beside the fitted parameters, and the full one."""
-        groups = [(c, step) for c in candidates for step in c.steps]
+        groups = [(c, step) for c in candidates for step in c.steps(self.problem)]
         if not groups:
             return []
         moves = [(p, step) for c, step in groups for p in c.paths]
@@ -387,7 +387,7 @@ class Regression:
         if candidate.jumps:
             estimate, sizes = np.full_like(estimate, step), np.where(sizes <= step * units, step * units, np.inf)
         evidence = float(2.0 * estimate @ (own @ self.left) - estimate @ gram @ estimate)
-        if -step in candidate.steps and estimate[0] * step < 0.0:
+        if -step in candidate.steps(self.problem) and estimate[0] * step < 0.0:
             estimate, evidence = np.zeros_like(estimate), 0.0  # this slope belongs to the other sign
         return Screening(candidate, estimate, evidence, seen, sizes, beside=self._beside(estimate @ whole))
 
