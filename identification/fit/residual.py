@@ -50,12 +50,12 @@ def noise_floors(
 
 
 def resolution(values: np.ndarray) -> float:
-    """The step of the readings, or 0 if fewer than two in three of them repeat a value on a common grid.
+    """The step of the readings, or 0 if fewer than one in three of them repeats a value on a common grid.
 
     Steps as fine as a file's last digit give nearly as many values as readings and do not count.
     """
     levels = np.unique(np.round(values[np.isfinite(values)], 9))
-    if levels.size < 3 or 3 * levels.size > np.isfinite(values).sum():
+    if levels.size < 3 or 3 * levels.size > 2 * np.isfinite(values).sum():
         return 0.0
     steps = np.diff(levels)
     step = float(np.median(steps[steps < 1.5 * steps.min()]))

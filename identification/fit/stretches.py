@@ -180,7 +180,8 @@ class Stretches(Parameters):
             held = np.stack([self.record.readings(n)[samples] for n in self.channels], axis=1) & np.isfinite(readings)
         times = self.record.time[self.rows if self.chart.on else samples]
         floors = noise_floors(readings, np.repeat(self.stretch_of_row, self.stride), held, times)
-        steps = [resolution(self.record[name]) / np.sqrt(12.0) for name in self.channels]
+        read = [self.record[name][self.record.readings(name)] for name in self.channels]
+        steps = [resolution(values) / np.sqrt(12.0) for values in read]
         self.floors, self.steps_of_readings = np.maximum(floors, 1e-8), np.array(steps)
         step = float(np.median(self.durations))
         centre, deviation = np.log(max(_USUAL_TIME[0], 3.0 * step)), _USUAL_TIME[1]

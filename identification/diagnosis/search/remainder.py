@@ -14,7 +14,7 @@ from identification.diagnosis.search.constancy import steadiness
 from identification.diagnosis.search.dependence import CLOCK, Dependence, clock_varies, dependence
 from identification.diagnosis.search.gusts import gusts, slow
 from identification.diagnosis.search.workbench import State, Workbench
-from identification.fit.coloured import coloured_channels
+from identification.fit.coloured import coloured_channels, of_rounding
 from identification.fit.parameters import moves_of
 from identification.fit.validation import whiteness
 
@@ -54,11 +54,11 @@ def what_is_left(bench: Workbench, state: State) -> Left:
     problem, point = bench.problem, state.point
     if not np.isfinite(point.scores).all():  # a filter that diverged explains nothing
         return Left(tuple(problem.channels))
-    level = LEFT / len(problem.channels)
+    level, rounding = LEFT / len(problem.channels), of_rounding(problem, point)
     bursts = [
         name
         for c, (name, seen) in enumerate(zip(problem.channels, problem.finite.T, strict=True))
-        if comes_in_bursts(point.errors[seen, c], problem.stretch_of_row[seen], level)
+        if not rounding[c] and comes_in_bursts(point.errors[seen, c], problem.stretch_of_row[seen], level)
     ]
     own, changes = [p for p in state.paths if p in state.plant.doubted], ""
     if own and (least := steadiness(bench, state, own, quietly=False, level=LEFT)).probability < LEFT:
