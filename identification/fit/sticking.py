@@ -19,8 +19,9 @@ _MOST, _MANY_STATES, _FEWER = 150, 6, 50
 def sticking_sizes(plant: Plant, record: Record, path: str) -> tuple[float, ...]:
     """Sizes of stiction, in probes, with which an actuator follows the commands of a record in different ways.
 
-    One size for each way, at most 150, or 50 for a vehicle in six degrees of freedom, which takes longer: a command that is followed or missed changes all that comes after it, so that
-    sizes 1 % apart may have little in common.  Empty if no size within the range of the parameter makes a difference.
+    One size for each way, at most 150, or 50 for a vehicle in six degrees of freedom, which takes longer: a command
+    that is followed or missed changes all that comes after it, so that sizes 1 % apart may have little in common.
+    Empty if no size within the range of the parameter makes a difference.
     """
     while changed(path)[0]:
         path = changed(path)[1]

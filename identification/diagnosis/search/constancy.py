@@ -23,15 +23,16 @@ from identification.fit.parameters import moves_of
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.sensitivities import TRIAL_GAIN
 
+_GROWS = "grows"  # the form of a change that grows evenly from the first block of the record to the last
 _SHARES = (1.0, 0.2)  # of the step by a regression, as starts of a fit: far from the log, the full step is too long
 
 
 @dataclass(frozen=True)
 class Steadiness:
-    """The parameter in which sixths of a record contradict each other most.
+    """The parameter in which the times of a record contradict each other most.
 
-    probability: of so large a difference in any of the tested parameters, if each is the same in all parts.
-    apart: largest deviation of a sixth from the whole record, as a share of the size there; infinite if unknown.
+    probability: of so large a difference in any of the tested parameters, if each is the same throughout.
+    apart: largest deviation at some time from the whole record, as a share of the size there; infinite if unknown.
     """
 
     path: str
@@ -76,12 +77,14 @@ def steadiness(
     tried: int | None = None,
     level: float = UNSTEADY,
 ) -> Steadiness:
-    """The parameter, of some paths, whose sizes in the sixths of the record differ most significantly.
+    """The parameter, of some paths, whose size differs most significantly along the record.
 
-    The test is a regression on changes from each sixth on; with `quietly` also with weaker accelerations, since these
-    grow to explain a misfit and then hide it.  Only if it promises a difference is that fitted, with noises that suit
-    it, and only until it is certain enough: the probability is then an upper bound.  For paths that are not fitted, the
-    first sixth has a size of its own, too, so that an effect that ends at some time is none of the later sixths.
+    The test is a regression on changes from each sixth on, and on a change that grows evenly: a single parameter, which
+    shows growth where sixths beside slow noise do not.  With `quietly`, it is repeated with weaker accelerations, since
+    these grow to explain a misfit and then hide it.  Only if it promises a difference is that fitted, with noises that
+    suit it, and only until it is certain enough: the probability is then an upper bound.  For paths that are not
+    fitted, the first sixth has a size of its own, too, so that an effect that ends at some time is none of the later
+    sixths.
     tried: number of paths from which these were chosen; by default these only.  level: the significance level; a
     probability above it takes noises as known exactly.
     """
@@ -89,22 +92,25 @@ def steadiness(
 
     def found() -> Steadiness:
         courses, forms = _divisions(bench, paths, not set(paths).isdisjoint(state.paths))
-        best, chance, _, changing = _changed(bench, state, forms, courses, level / count, quietly, False)
-        return Steadiness(best, min(count * chance, 1.0), _apart(state, changing, best, forms[best]))
+        times = count * max(len(own) for own in forms.values())
+        best, chance, _, changing = _changed(bench, state, forms, courses, level / times, quietly, False)
+        return Steadiness(best, min(times * chance, 1.0), _apart(bench, state, changing, best, courses))
 
     return bench.once(state, ("steadiness", *paths, quietly, count, level), found)
 
 
 def _divisions(
     bench: Workbench, paths: Sequence[str], fitted: bool
-) -> tuple[dict[str, Course], dict[str, tuple[str, ...]]]:
-    """Changes from each sixth of the record on, and the changes that apply to each path, by path.
+) -> tuple[dict[str, Course], dict[str, list[tuple[str, ...]]]]:
+    """Changes from each sixth of the record on and one that grows, and the sets of them that a path may have, by path.
 
     An effect of only some logs has changes from each sixth of these.  fitted: whether any of the paths is fitted, so
     that the first sixth needs no change.
     """
-    rows, courses, forms = bench.problem.rows, dict[str, Course](), dict[str, tuple[str, ...]]()
-    sixths = _sixths(bench)
+    rows, courses, forms = bench.problem.rows, dict[str, Course](), dict[str, list[tuple[str, ...]]]()
+    sixths, blocks = _sixths(bench), np.unique(bench.block_of_row, return_index=True)[1]
+    if len(blocks) > 1:
+        courses[_GROWS] = Course(tuple(rows[blocks[1:]].tolist()), tuple(np.linspace(0.0, 1.0, len(blocks)).tolist()))
     for path in paths:
         own, number, begins = changed(path)[0], sixths, range(int(fitted), int(sixths[-1]) + 1)
         if own and isinstance(bench.plant, ChangingPlant):
@@ -113,7 +119,7 @@ def _divisions(
             begins = range(1, MOST_PARTS)
         cuts = {f"{own}part{k}": int(rows[np.argmax(number == k)]) for k in begins if (number == k).any()}
         courses |= {name: Course((row,), (0.0, 1.0)) for name, row in cuts.items()}
-        forms[path] = tuple(cuts)
+        forms[path] = [tuple(cuts)] + [(_GROWS,)] * (_GROWS in courses and not own)
     return courses, forms
 
 
@@ -130,16 +136,19 @@ def _sixths(bench: Workbench) -> np.ndarray:
     return found
 
 
-def _apart(state: State, found: State | None, path: str, forms: Sequence[str]) -> float:
-    """Deviation of the sizes of a path along a record from that of the whole, see `Steadiness`.
+def _apart(bench: Workbench, state: State, found: State | None, path: str, courses: Mapping[str, Course]) -> float:
+    """The largest deviation of the size of a path along a record from that of the whole, see `Steadiness`.
 
-    found: a fit with its changes, each of which lasts from its beginning on.
+    found: a fit with its changes.  courses: of these, by form.
     """
     size = value_at(state.plant, path) - spec_at(state.plant, path).neutral
     if found is None or path not in state.paths or not size:
         return np.inf
-    sizes = value_at(found.plant, path) + np.cumsum([0.0, *(value_at(found.plant, change(f, path)) for f in forms)])
-    return float(np.abs(sizes - value_at(state.plant, path)).max() / abs(size))
+    moved = value_at(found.plant, path) - value_at(state.plant, path) + np.zeros(len(bench.problem.rows))
+    for form, course in courses.items():
+        if change(form, path) in found.paths:
+            moved += value_at(found.plant, change(form, path)) * course.over(bench.problem.rows)
+    return float(np.abs(moved).max() / abs(size))
 
 
 def sizes_by_dive(bench: Workbench, state: State, path: str) -> ByDive | None:
@@ -155,7 +164,7 @@ def sizes_by_dive(bench: Workbench, state: State, path: str) -> ByDive | None:
     courses = {
         f"dive{k + 1}": Course((begins[k], begins[k + 1]), (0.0, 1.0, 0.0)) for k in range(int(fitted), len(dives))
     }
-    _, chance, by_dive, found = _changed(bench, state, {path: tuple(courses)}, courses, UNSTEADY, True, True)
+    _, chance, by_dive, found = _changed(bench, state, {path: [tuple(courses)]}, courses, UNSTEADY, True, True)
     if found is None or chance >= UNSTEADY:
         return None
     sizes, limits, common = [], spec_at(found.plant, path).bounds, {path: 1.0} if fitted else {}
@@ -180,7 +189,7 @@ def dives_of(record: Record, rows: np.ndarray) -> list[tuple[str, int]]:
 def _changed(
     bench: Workbench,
     state: State,
-    forms: Mapping[str, Sequence[str]],
+    forms: Mapping[str, Sequence[Sequence[str]]],
     courses: Mapping[str, Course],
     level: float,
     quietly: bool,
@@ -188,21 +197,23 @@ def _changed(
 ) -> tuple[str, float, Workbench, State | None]:
     """The path with the most significant changes, the probability of so much evidence, and bench and fit with them.
 
-    forms: in which each path may change, by path; courses: of these.
+    forms: the sets of changes that each path may have, by path.  courses: of these changes, by form.
 
     No fit is made if a regression promises less than chance does with the probability `level`.  whole: whether to
     continue a fit that starts out significant.  Accelerations cost nothing here: both models may have them, so chance
     favours neither.
     """
     problem, changing = copy(bench.problem), copy(bench)
-    moving = {form: [path for path, own in forms.items() if form in own] for form in courses}
+    moving = {form: [p for p, own in forms.items() if any(form in some for some in own)] for form in courses}
     problem.plant = plant = ChangingPlant.of(bench.plant, moving, courses)
     problem.index = positions(plant)
     changing.plant, changing.problem = plant, problem
     here = replace_at(plant, {p: value_at(state.plant, p) for p in state.paths})
     near = replace(state.point, vector=here.vector)
     _soon(bench, problem, state, near, moving, courses)
-    parts = {Candidate(p, tuple(change(form, p) for form in own)): p for p, own in forms.items() if own}
+    parts = {
+        Candidate(p, tuple(change(form, p) for form in some)): p for p, own in forms.items() for some in own if some
+    }
     quiet = problem.quieted(near) if quietly and problem.pushed else None
     bases = (near,) if quiet is None else (near, quiet)
     found = [(one, base) for base in bases for one in screen(problem, base, state.paths, list(parts), 0.0)]
@@ -212,10 +223,36 @@ def _changed(
     def by_chance(of: tuple[Screening, Point]) -> tuple[float, float]:
         return float(chi2.sf(of[0].evidence, len(of[0].candidate.paths))), -of[0].evidence
 
-    best, base = min(found, key=by_chance)
-    path, count = parts[best.candidate], len(best.candidate.paths)
+    # fewer changes may explain more beside slow noise than a regression with given noises promises: the best of each
+    # number of changes is tried
+    counts = {len(one.candidate.paths) for one, _ in found}
+    likeliest = [min((f for f in found if len(f[0].candidate.paths) == n), key=by_chance) for n in counts]
+    judged: list[tuple[str, float, State | None]] = []
+    for best, base in sorted(likeliest, key=by_chance):
+        judged.append((parts[best.candidate], *_judged(bench, problem, state, near, best, base, level, whole)))
+        if judged[-1][1] < level:
+            break
+    path, chance, fitted = min(judged, key=lambda one: one[1])
+    return path, chance, changing, fitted
+
+
+def _judged(
+    bench: Workbench,
+    problem: PredictionErrors,
+    state: State,
+    near: Point,
+    best: Screening,
+    base: Point,
+    level: float,
+    whole: bool,
+) -> tuple[float, State | None]:
+    """The probability of so much evidence for some changes, and the fit with them, if a regression promises enough.
+
+    near: the point of the state, with changes that are zero.  base: from where the fit begins.
+    """
+    count = len(best.candidate.paths)
     if best.evidence <= float(chi2.isf(level, count)):
-        return path, float(chi2.sf(best.evidence, count)), changing, None
+        return float(chi2.sf(best.evidence, count)), None
     free, moves = (*state.paths, *best.candidate.paths), moves_of(best.candidate.paths)
     without, tried = bench.problem.likelihood(state.point, state.paths), list[Point]()
 
@@ -238,7 +275,7 @@ def _changed(
     if chance(fitted) < level:  # refit the model without changes from the rival's noises, too
         renewed = bench.problem.renewed(state.point, fitted.logs, state.paths)
         without = max(without, bench.problem.likelihood(renewed, state.paths))
-    return path, chance(fitted), changing, State(problem.plant_at(fitted, free), free, fitted)
+    return chance(fitted), State(problem.plant_at(fitted, free), free, fitted)
 
 
 def _soon(
