@@ -21,6 +21,7 @@ from identification.campaign.file.reading import read_campaign
 from identification.campaign.file.settings import EnvExperiment, RunSettings
 from identification.campaign.running.perform import run_status
 from identification.campaign.running.staging import make_campaign_controller, make_env
+from identification.deciding import LEAST_WINDOWS
 from identification.diagnosis.judge.verdict import Diagnosis
 from identification.experiments.designs import Design, campaign_text
 from identification.experiments.driving import drive
@@ -132,8 +133,12 @@ def next_experiment(
 
 
 def minutes_of(plant: Plant) -> tuple[float, float]:
-    """The shortest and the longest sensible experiment with a vehicle, min."""
-    return KINDS.of(plant.family).minutes(plant)
+    """The shortest and the longest sensible experiment with a vehicle, min.
+
+    The shortest has one window more than a diagnosis of its log needs, of windows half as long as usual.
+    """
+    least, most = KINDS.of(plant.family).minutes(plant)
+    return max(least, (LEAST_WINDOWS + 1) * 0.5 * plant.window / 60.0), most
 
 
 def _order(proposal: Proposal) -> tuple[float, float, bool]:
@@ -164,7 +169,7 @@ def words(proposals: Sequence[Proposal]) -> str:
         pair = " and ".join(best.pair) or "these effects"
         return f"None of the experiments known here is expected to tell apart {pair}."
     hours = f"{best.minutes / 60.0:.0f} hours" if best.minutes >= 600.0 else f"{best.minutes:.0f} minutes"
-    return f"To tell them apart, run {best.design.title}: about {hours} are expected to do."
+    return f"To tell them apart, run {best.design.title}: about {hours} should suffice."
 
 
 def _proposal(

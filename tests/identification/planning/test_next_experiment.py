@@ -6,10 +6,12 @@ import pytest
 from auv_gym.cli import main
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
+from auv_gym.records.record import Record
 from controllers.pid import heading_pid
 from identification.campaign.file.plan import plan
 from identification.campaign.file.reading import read_campaign
 from identification.campaign.running.staging import check_campaign_run
+from identification.deciding import LEAST_WINDOWS
 from identification.diagnosis import diagnose
 from identification.experiments.heading_control import closed_loop
 from identification.experiments.kinds import KINDS
@@ -19,6 +21,7 @@ from identification.planning.next_experiment import (
     ENOUGH,
     Proposal,
     Rival,
+    minutes_of,
     next_experiment,
     rivals_of,
     words,
@@ -88,7 +91,7 @@ def test_the_command_writes_the_campaign_and_says_how_long(tie, tmp_path, capsys
     assert main(command) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "To tell them apart, run" in said
-    assert "minutes are expected to do" in said
+    assert "minutes should suffice" in said
     assert len(plan(read_campaign(out / "next_experiment.toml"))) >= 2
 
 
@@ -157,3 +160,11 @@ def test_bad_requests_are_said_plainly(tie):
         next_experiment(plant, rivals)
     with pytest.raises(ValueError, match="0 < least < most"):
         next_experiment(plant, rivals, record=record, minutes=(5.0, 2.0))
+
+
+@pytest.mark.parametrize("vehicle", ["slocum", "mermaid", "seaglider", "vt690", "bluerov2"])
+def test_the_shortest_experiment_has_enough_windows_for_a_diagnosis(vehicle):
+    plant = load_vehicle(vehicle)
+    time = np.arange(0.0, 60.0 * minutes_of(plant)[0], plant.dt)
+    log = Record.from_arrays(time, dict.fromkeys((*plant.inputs, "depth_m"), np.zeros(time.size)))
+    assert len(free_run_windows(plant, log, 0.5 * plant.window)) >= LEAST_WINDOWS
