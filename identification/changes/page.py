@@ -31,7 +31,7 @@ from identification.changes.wording import (
     when_words,
 )
 from identification.deciding import BLOCKS
-from identification.diagnosis.wording import for_people, interval, quantity, typeset
+from identification.diagnosis.wording import for_people, inside, interval, typeset
 from identification.pages.drawing import AFTER, BEFORE, QUIET, WIDTH
 from identification.pages.model_page import Section
 from identification.pages.page import Table, amount, drawn, page, span
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
 _NAMED = 8  # missions; with more of them, their names do not fit below a picture
 _ROW = 0.42  # inches of picture height per parameter
+_BESIDE = 2.0  # times the largest change, as the end of a logarithmic axis: its dot is drawn whole
 _FAR = 20.0  # smallest detectable changes; a picture whose changes exceed this has a logarithmic axis
 
 
@@ -82,7 +83,7 @@ def timeline_page(found: Timeline) -> str:
     rows = [
         (
             t.title if t.path.startswith("effects.") else f"change of {t.title}",
-            (_typed(quantity(t.size.value, t.unit)), _typed(interval(t.size.ci95, t.unit))),
+            (_typed(inside(t.size.value, t.size.ci95, t.unit)), _typed(interval(t.size.ci95, t.unit))),
             when_words(t),
             f"{t.evidence:.0f}",
             tied_words(t.tied, found.plant) or "–",
@@ -325,8 +326,10 @@ def change_figure(found: Comparison) -> Figure:
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()
     label = "change, relative to the smallest detectable change"
-    if np.abs(axes.dataLim.intervalx).max() > _FAR:  # on a linear axis, one large change would squeeze all others
+    low, high = axes.dataLim.intervalx
+    if max(-low, high) > _FAR:  # on a linear axis, one large change would squeeze all others
         axes.set_xscale("symlog", linthresh=1.0)
+        axes.set_xlim(_BESIDE * low, _BESIDE * high)
         label += "; logarithmic beyond 1"
     axes.set_xlabel(label)
     return figure

@@ -15,7 +15,7 @@ from identification.changes.missions import AFTER, BEFORE, Changed, Common, Comp
 from identification.changes.onset import FROM, GROWING, UNTIL, Timed, Timeline
 from identification.changes.series import Series, Trend
 from identification.changes.spans import BETWEEN, OUTSIDE
-from identification.diagnosis.wording import capital, interval, quantity, sized
+from identification.diagnosis.wording import capital, inside, interval, quantity, sized
 
 _FAR = 3.0  # half intervals; a larger scatter is not a trend, but a difference that needs an explanation
 _WHEN = {  # when an effect acts, by its form
@@ -67,7 +67,7 @@ def _when_of(form: str, path: str) -> str:
 
 
 def common_words(c: Common, plant: Plant) -> str:
-    size = sized(c.title, quantity(c.size.value, c.unit), interval(c.size.ci95, c.unit))
+    size = sized(c.title, inside(c.size.value, c.size.ci95, c.unit), interval(c.size.ci95, c.unit))
     text = f"The model is missing the same effect before and after: {size}."
     return text + (f" The missions cannot tell this from: {tied_words(c.tied, plant)}." if c.tied else "")
 
@@ -81,7 +81,7 @@ def timeline_summary(found: Timeline) -> list[str]:
 
 def timed_words(t: Timed, plant: Plant) -> str:
     """A sentence such as `Rudder offset, 1.7 deg (95 % interval 1.6 to 1.8 deg), from 396 s on (95 % ...).`"""
-    text = sized(t.title, quantity(t.size.value, t.unit), interval(t.size.ci95, t.unit))
+    text = sized(t.title, inside(t.size.value, t.size.ci95, t.unit), interval(t.size.ci95, t.unit))
     text = f"{'' if t.path.startswith('effects.') else 'a change of '}{text}"
     text = capital(text)
     if t.second is not None and t.time is not None:
@@ -141,7 +141,7 @@ def rate_of(t: Trend) -> tuple[str, str]:
     """A rate and its interval; for coefficients, in percent of the missions' mean."""
     whole = _whole(t)
     if whole is None:
-        return quantity(t.rate.value, t.unit), interval(t.rate.ci95, t.unit)
+        return inside(t.rate.value, t.rate.ci95, t.unit), interval(t.rate.ci95, t.unit)
     size, low, high = (f"{100.0 * rate / whole:+.3g}" for rate in (t.rate.value, *t.rate.ci95))
     return f"{size} %", f"{low} to {high} %"
 
@@ -170,8 +170,8 @@ def series_json(found: Series) -> dict[str, Any]:
 
 
 def named(item: Changed | Unchanged | Trend) -> str:
-    """The title without its remark in brackets, and without a trailing `by`."""
-    return item.title.partition(" (")[0].removesuffix(" by").removesuffix(",")
+    """The title without its remark in brackets."""
+    return item.title.partition(" (")[0]
 
 
 def size_of(size: float, u: Unchanged) -> str:

@@ -10,7 +10,7 @@ from auv_gym.channels import channel
 
 
 def quantity(value: float, unit: str, figures: int = 3) -> str:
-    """A number with its unit for display: angles in degrees, volumes in millilitres."""
+    """A number with its unit and so many figures for display: angles in degrees, volumes in millilitres."""
     if not np.isfinite(value):
         return "not detectable"
     scale, unit = for_people(unit)
@@ -43,9 +43,18 @@ def interval(limits: tuple[float, float], unit: str) -> str:
 
 def ends(limits: tuple[float, float], unit: str) -> tuple[str, str]:
     """Both ends of a range, with enough digits to differ; the second one has the unit."""
-    texts = [[quantity(v, unit, figures) for v in limits] for figures in range(3, 8)]
-    low, high = next((pair for pair in texts if pair[0] != pair[1]), texts[0])
+    low, high = (quantity(v, unit, _figures(limits, unit)) for v in limits)
     return low.split(" ")[0], high
+
+
+def inside(value: float, limits: tuple[float, float], unit: str) -> str:
+    """A size with its unit and as many figures as the ends of its interval."""
+    return quantity(value, unit, _figures(limits, unit))
+
+
+def _figures(limits: tuple[float, float], unit: str) -> int:
+    """The fewest figures, from 3 to 7, in which the ends of a range differ; 3 if they never do."""
+    return next((n for n in range(3, 8) if len({quantity(v, unit, n) for v in limits}) > 1), 3)
 
 
 def at_most(value: float, limits: tuple[float, float], neutral: float) -> str:
@@ -58,7 +67,7 @@ def sized(title: str, size: str, limits: str, *more: str) -> str:
     """A title with its size and interval in words; a remark in brackets in the title moves beside the interval."""
     name, _, remark = title.removesuffix(")").partition(" (")
     told = [f"95 % interval {limits}", *more, *([remark] if remark else [])]
-    return f"{name}{'' if name.endswith(' by') else ','} {size} ({', '.join(told)})"
+    return f"{name}, {size} ({', '.join(told)})"
 
 
 def accelerations(process: Mapping[str, tuple[float, float]]) -> str:

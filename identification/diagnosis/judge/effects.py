@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from identification.diagnosis.search.constancy import OfDive, varies
-from identification.diagnosis.wording import at_most, interval, quantity, sized
+from identification.diagnosis.wording import at_most, inside, interval, quantity, sized
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Member:
     @property
     def size(self) -> str:
         """The size in words."""
-        return at_most(self.value, self.ci95, self.neutral) + quantity(self.value, self.unit)
+        return at_most(self.value, self.ci95, self.neutral) + inside(self.value, self.ci95, self.unit)
 
 
 @dataclass(frozen=True)
@@ -86,15 +86,15 @@ class Effect:
     @property
     def name(self) -> str:
         """The name of the cause: the effect's title, or the coefficient that it changes."""
-        return self.title if self.coefficient is None else f"another {self.coefficient.title}"
+        return self.title if self.coefficient is None else f"change in {self.coefficient.title}"
 
     @property
     def size(self) -> str:
         """The size in words; that of the coefficient if the effect only changes one."""
         c = self.coefficient
         if c is not None:
-            return quantity(c.value, c.unit)
-        return at_most(self.value, self.ci95, self.neutral) + quantity(self.value, self.unit)
+            return inside(c.value, c.ci95, c.unit)
+        return at_most(self.value, self.ci95, self.neutral) + inside(self.value, self.ci95, self.unit)
 
     @property
     def told(self) -> str:
@@ -102,7 +102,9 @@ class Effect:
         c = self.coefficient
         if c is None:
             return sized(self.title, self.size, interval(self.ci95, self.unit))
-        return sized(f"another {c.title}", self.size, interval(c.ci95, c.unit), f"given {quantity(c.given, c.unit)}")
+        title, _, remark = c.title.removesuffix(")").partition(" (")
+        told = ", ".join([f"95 % interval {interval(c.ci95, c.unit)}", *([remark] if remark else [])])
+        return f"{title} of {self.size} instead of {quantity(c.given, c.unit)} ({told})"
 
 
 @dataclass(frozen=True)
@@ -127,7 +129,9 @@ class Coefficient:
     def change(self) -> str:
         """The difference from the given value, with the interval, in words."""
         if self.given == 0.0:
-            return f"{quantity(self.value, self.unit)} (95 % interval {interval(self.ci95, self.unit)}, given 0)"
+            return (
+                f"{inside(self.value, self.ci95, self.unit)} (95 % interval {interval(self.ci95, self.unit)}, given 0)"
+            )
         share, *limits = (100.0 * (v / self.given - 1.0) for v in (self.value, *self.ci95))
         return f"{share:+.3g} % (95 % interval {interval((min(limits), max(limits)), '%')})"
 

@@ -17,6 +17,7 @@ from identification.diagnosis.search.dependence import CLOCK
 from identification.diagnosis.wording import (
     accelerations,
     capital,
+    inside,
     interval,
     lasting_errors,
     listed,
@@ -66,9 +67,14 @@ def _sentence(d: Result) -> str:
             return f"Something is wrong with the log: {doubt.text}. What to do: {doubt.mend}."
         return f"{doubt.text[0].upper()}{doubt.text[1:]}.{_alike(d)} What to do: {doubt.mend}."
     if d.verdict == "none":
-        return "The model explains this log: no known effect is missing."
+        if d.noise is None or not (d.noise.process or d.noise.swell) or not _errs_more_than_sensors(d):
+            return "The model explains this log: no known effect is missing."
+        return (
+            "Together with random accelerations (process noise), the model explains this log: no known effect is "
+            "missing that this log could show."
+        )
     wrong = [
-        sized(c.title, quantity(c.value, c.unit), interval(c.ci95, c.unit), f"given {quantity(c.given, c.unit)}")
+        sized(c.title, inside(c.value, c.ci95, c.unit), interval(c.ci95, c.unit), f"given {quantity(c.given, c.unit)}")
         for c in d.coefficients
         if c.wrong
     ]
@@ -82,6 +88,11 @@ def _sentence(d: Result) -> str:
         return f"The log and the model disagree, and no {kind} effect explains the difference.{_alike(d)}"
     count = "an effect" if len(names) == 1 else f"{len(names)} effects"
     return f"The model is missing {count}: {'; '.join(names)}."
+
+
+def _errs_more_than_sensors(d: Result) -> bool:
+    """Whether free runs err by more than the sensor noise in any channel, beyond that noise."""
+    return any(score.rmse**2 > 2.0 * d.noise_of(name) ** 2 for name, score in d.after.scores.items())
 
 
 def likelier(e: Effect) -> list[Member]:
@@ -182,7 +193,8 @@ def _dives_sentence(d: Result) -> str:
     for e in (e for e in d.added if e.by_dive):
         sizes, many = sorted(e.by_dive, key=lambda s: s.value), len(e.by_dive) > _FEW_DIVES
         own = [
-            f"{quantity(s.value, e.unit)} (95 % interval {interval(s.ci95, e.unit)}) in {s.dive or 'the first dive'}"
+            f"{inside(s.value, s.ci95, e.unit)} (95 % interval {interval(s.ci95, e.unit)}) in "
+            f"{s.dive or 'the first dive'}"
             for s in ((sizes[0], sizes[-1]) if many else e.by_dive)
         ]
         range_of = f"from {' to '.join(own)}" if many else listed(own)
@@ -354,11 +366,11 @@ def _error_sentence(d: Result) -> str:
     given = [
         f"{d.given.unseen.label(name)} {quantity(d.given.scores[name].rmse, channel(name).unit)}" for name in worse
     ]
-    why = "A refit makes the next reading likely, which may worsen free runs if an effect is missing."
+    why = "A refit optimises one-step predictions, which may worsen free runs if an effect is missing."
     if d.added:
-        why = "The refit before, without the effects, makes the next reading likely, which may worsen free runs."
+        why = "The refit without the effects optimises one-step predictions, which may worsen free runs."
     elif d.only_pushed:
-        why = "Free runs do not know the random accelerations, and may come out worse by chance."
+        why = "Free runs do not include the random accelerations, and may come out worse by chance."
     return f"{told} As given, the model errs less: {'; '.join(given)}. {why}"
 
 

@@ -52,6 +52,19 @@ def test_what_pushes_at_random_is_said_in_units_for_people(process, words):
     assert bool(said) == bool(process)
 
 
+@pytest.mark.parametrize(
+    "process, rmse, pushed",
+    [({}, 0.03, False), ({"r_radps": (0.01, 12.0)}, 0.014, False), ({"r_radps": (0.01, 12.0)}, 0.015, True)],
+)
+def test_that_only_random_accelerations_make_the_model_explain_a_log_is_said_first(process, rmse, pushed):
+    """Free runs then err by more than the sensor noise of 0.01 rad, beyond that noise."""
+    d = SimpleNamespace(verdict="none", effects=(), noise=Noise({"heading_rad": 0.01}, process))
+    d.after, d.noise_of = SimpleNamespace(scores={"heading_rad": SimpleNamespace(rmse=rmse)}), lambda name: 0.01
+    said = _sentence(d)  # type: ignore[arg-type]
+    assert said.startswith("Together with random accelerations" if pushed else "The model explains this log")
+    assert said.endswith("that this log could show." if pushed else "no known effect is missing.")
+
+
 def test_effects_that_many_halves_of_the_log_do_not_choose_are_said():
     sure = Effect("effects.rudder.offset", "rudder offset", 0.1, 0.0, "rad", (0.0, 0.2), 50.0, 40.0)
     gain = AsCoefficient("hull.n_delta", "rudder effectiveness", "1", 1.0, 0.8, (0.7, 0.9))
@@ -62,7 +75,7 @@ def test_effects_that_many_halves_of_the_log_do_not_choose_are_said():
         "only 80 % of the halves that were tried choose lag."
     )
     turned = SimpleNamespace(added=(replace(sure, frequency=0.6, coefficient=gain),))
-    assert "choose another rudder effectiveness" in _halves_sentence(turned)  # type: ignore[arg-type]
+    assert "choose change in rudder effectiveness" in _halves_sentence(turned)  # type: ignore[arg-type]
     assert _halves_sentence(SimpleNamespace(added=(sure,))) == ""  # type: ignore[arg-type]
 
 
@@ -195,8 +208,8 @@ def test_readings_are_said_to_be_averaged_with_the_reason():
     "given, unexplained, added, words",
     [
         (0.1, True, (), "As given, the model errs less: heading 5.73 deg. A refit"),
-        (0.1, False, (), "As given, the model errs less: heading 5.73 deg. Free runs do not know the random"),
-        (0.1, False, ("an effect",), "As given, the model errs less: heading 5.73 deg. The refit before"),
+        (0.1, False, (), "As given, the model errs less: heading 5.73 deg. Free runs do not include the random"),
+        (0.1, False, ("an effect",), "As given, the model errs less: heading 5.73 deg. The refit without the effects"),
         (0.2, False, (), ""),
     ],
 )

@@ -1,0 +1,18 @@
+"""Sizes and intervals in words."""
+
+import pytest
+
+from identification.diagnosis.wording import ends, inside
+
+
+@pytest.mark.parametrize(
+    "value, limits, unit, words",
+    [
+        (5.9917e-5, (5.9915e-5, 5.9920e-5), "m^3", ("59.92 mL", "59.91", "59.92 mL")),
+        (1.9854, (1.9851, 1.9862), "s", ("1.985 s", "1.985", "1.986 s")),
+        (0.9, (0.85, 0.95), "1", ("0.9", "0.85", "0.95")),
+        (3.0, (3.0, 3.0), "m", ("3 m", "3", "3 m")),
+    ],
+)
+def test_a_size_has_as_many_figures_as_the_ends_of_its_interval(value, limits, unit, words):
+    assert (inside(value, limits, unit), *ends(limits, unit)) == words
