@@ -83,14 +83,14 @@ def _true_heading(stream: Stream, constants: Mapping[str, float], notes: list[st
 
 
 def _depth(pressure: np.ndarray, place: _Place) -> tuple[np.ndarray, str]:
-    fallback = "pressure at 45 deg of latitude, Saunders 1981, within 0.3 % elsewhere"
+    fallback = "pressure of sea water at 45 deg of latitude, Saunders 1981, within 0.3 % elsewhere"
     if place.latitude is None:
         return depth_from_pressure(pressure), fallback
     try:
         deep = seawater.depth(pressure, place.latitude)
     except ValueError:  # gsw is not installed
         return depth_from_pressure(pressure), f"{fallback}; the extra seawater does better"
-    return deep, f"pressure at {place.latitude:.1f} deg of latitude, TEOS-10"
+    return deep, f"pressure of sea water at {place.latitude:.1f} deg of latitude, TEOS-10"
 
 
 def hydrography(

@@ -60,7 +60,7 @@ def test_depth_follows_from_pressure_with_the_latitude_that_is_known():
     assert "45 deg" in derived["depth_m"]
     polar, derived, _ = complete(stream(pressure_dbar=1000.0), stream(latitude_rad=np.radians(70.0)))
     assert polar["depth_m"] == pytest.approx(float(seawater.depth(1000.0, 70.0)))
-    assert derived["depth_m"] == "pressure at 70.0 deg of latitude, TEOS-10"
+    assert derived["depth_m"] == "pressure of sea water at 70.0 deg of latitude, TEOS-10"
     assert polar["depth_m"][0] < plain["depth_m"][0] - 1.0  # gravity is stronger there
 
 
