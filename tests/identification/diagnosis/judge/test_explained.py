@@ -98,7 +98,11 @@ def test_channels_share_the_probability_of_a_false_flag(channels, flagged, monke
     monkeypatch.setattr(coloured, "whiteness", lambda *_, **__: near)
     names, shape = tuple("abc"[:channels]), (100, channels)
     problem = SimpleNamespace(
-        channels=names, stretch_of_row=np.zeros(100, dtype=int), finite=np.ones(shape, dtype=bool), start_basis=nothing
+        channels=names,
+        stretch_of_row=np.zeros(100, dtype=int),
+        finite=np.ones(shape, dtype=bool),
+        start_basis=nothing,
+        steps_of_readings=np.zeros(channels),
     )
     bench = SimpleNamespace(problem=problem)
     errors = np.random.default_rng(4).standard_normal(shape)
@@ -110,7 +114,9 @@ def test_what_is_left_is_said_by_channel():
     (white, slow), stretch = white_and_slow(), np.repeat(np.arange(400), 50)
     seen = np.ones((20_000, 2), dtype=bool)
     names = ("depth_m", "heading_rad")
-    problem = SimpleNamespace(channels=names, stretch_of_row=stretch, finite=seen, start_basis=nothing)
+    problem = SimpleNamespace(
+        channels=names, stretch_of_row=stretch, finite=seen, start_basis=nothing, steps_of_readings=np.zeros(2)
+    )
     errors = np.stack([white, white + slow], axis=1)
     bench = SimpleNamespace(problem=problem)
     state = SimpleNamespace(point=point_of(np.zeros(20_000), errors=errors), paths=())
@@ -130,7 +136,9 @@ def test_a_filter_that_is_lost_leaves_everything():
 def test_errors_that_come_in_bursts_are_left():
     (white, slow), stretch = white_and_slow(), np.repeat(np.arange(400), 50)
     seen = np.ones((20_000, 1), dtype=bool)
-    problem = SimpleNamespace(channels=("r_radps",), stretch_of_row=stretch, finite=seen, start_basis=nothing)
+    problem = SimpleNamespace(
+        channels=("r_radps",), stretch_of_row=stretch, finite=seen, start_basis=nothing, steps_of_readings=np.zeros(1)
+    )
     bench = SimpleNamespace(problem=problem)
     errors = (white * (1.0 + 0.5 * slow))[:, None]
     state = SimpleNamespace(point=point_of(np.zeros(20_000), errors=errors), paths=())
@@ -143,7 +151,9 @@ def test_colour_is_that_from_reading_to_reading():
     errors, seen = np.zeros((100_000, 1)), np.zeros((100_000, 1), dtype=bool)
     errors[::5, 0], seen[::5] = white + np.sqrt(0.05) * slow, True
     stretch = np.repeat(np.arange(200), 500)
-    problem = SimpleNamespace(channels=("depth_m",), stretch_of_row=stretch, finite=seen, start_basis=nothing)
+    problem = SimpleNamespace(
+        channels=("depth_m",), stretch_of_row=stretch, finite=seen, start_basis=nothing, steps_of_readings=np.zeros(1)
+    )
     bench = SimpleNamespace(problem=problem)
     state = SimpleNamespace(point=point_of(np.zeros(100_000), errors=errors), paths=())
     assert what_is_left(bench, state) == Left(("depth_m",))
