@@ -126,7 +126,7 @@ _SI: Final[dict[str, str]] = {
     "us": "us", "share": "1", "norm": "1", "A": "A", "W": "W", "J": "J", "Hz": "Hz", "rpm": "rpm", "dbar": "dbar",
     "C": "degC", "psu": "psu", "pct": "%", "Spm": "S/m", "T": "T",
 }  # fmt: skip
-# suffix -> (SI suffix, factor); knots and degrees by definition
+# suffix -> (SI suffix, factor); knots, feet and degrees by definition
 _SCALED: Final[dict[str, tuple[str, float]]] = {
     "deg": ("rad", pi / 180.0),
     "degps": ("radps", pi / 180.0),
@@ -137,6 +137,7 @@ _SCALED: Final[dict[str, tuple[str, float]]] = {
     "km": ("m", 1e3),
     "cm": ("m", 1e-2),
     "mm": ("m", 1e-3),
+    "ft": ("m", 0.3048),
     "L": ("m3", 1e-3),
     "mL": ("m3", 1e-6),
     "cm3": ("m3", 1e-6),
@@ -162,6 +163,7 @@ _SPELLINGS: Final[dict[str, str]] = {
     "degrees/s": "degps", "degree s-1": "degps", "degrees s-1": "degps", "m/s": "mps", "m s-1": "mps", "cm/s": "cmps",
     "cm s-1": "cmps", "mm/s": "mmps", "mm s-1": "mmps", "km/h": "kmph", "knot": "kn", "knots": "kn", "kt": "kn",
     "meter": "m", "meters": "m", "metre": "m", "metres": "m", "kilometer": "km", "centimeter": "cm", "millimeter": "mm",
+    "foot": "ft", "feet": "ft",
     "second": "s", "seconds": "s", "sec": "s", "millisecond": "ms", "milliseconds": "ms", "minute": "min",
     "minutes": "min", "hour": "h", "hours": "h", "m^3": "m3", "cc": "cm3", "cm^3": "cm3", "ml": "mL", "litre": "L",
     "liter": "L", "decibar": "dbar", "decibars": "dbar", "celsius": "C", "Celsius": "C", "degree_Celsius": "C",

@@ -40,7 +40,7 @@ _ON_COMMANDS: Mapping[str, tuple[float, str, str, tuple[float, float], str]] = {
     "backlash": (0.0, "{} backlash (full width)", "U", (0.0, 0.5), _ANGLES),
     "stiction": (0.0, "{} stiction (smallest movement)", "U", (0.0, 0.5), _ANGLES),
     "dead_time": (0.0, "{} dead time", "s", (0.0, 20.0), f"samples shorter than the delay, {_QUICK}"),
-    "lost_travel": (0.0, "{} saturates early, by", "U", (0.0, 1.0), "a measured position of the {}"),
+    "lost_travel": (0.0, "early saturation of the {}", "U", (0.0, 1.0), "a measured position of the {}"),
     "lag": (0.0, "{} lag (time constant)", "s", (0.0, 60.0), f"samples shorter than the lag, {_QUICK}"),
     "slowness": (0.0, "{} rate limit, as time per angle", "s/U", (0.0, 200.0), "steps of the {} of different sizes"),
     "lost": (0.0, "share of the {} lost", "1", (0.0, 1.0), ""),

@@ -9,7 +9,8 @@ from dataclasses import MISSING, Field, dataclass, fields
 from importlib import import_module
 from importlib.metadata import entry_points
 from math import isfinite
-from typing import TYPE_CHECKING, Any, Protocol, get_args, get_type_hints, runtime_checkable
+from types import NoneType, UnionType
+from typing import TYPE_CHECKING, Any, Literal, Protocol, Union, get_args, get_origin, get_type_hints, runtime_checkable
 
 from auv_gym.param import did_you_mean
 
@@ -113,7 +114,7 @@ class Method:
 _BUILT_IN = (
     Method(
         "grey_box",
-        "Frees parameters of a vehicle: prediction errors with noise of the sensors and of the motion.",
+        "Fits chosen parameters of a vehicle to one-step predictions, with sensor and process noise.",
         "identification.fit.greybox:GreyBox",
         listed="free*, window, max_iterations, process, doubt",
     ),
@@ -161,7 +162,7 @@ _BUILT_IN = (
     ),
     Method(
         "ivls",
-        "The diving model by instrumental variables as published; fails with noise, there to be compared.",
+        "The diving model by instrumental variables as published; fails with noise; included for comparison.",
         "identification.recursive.ivls:Ivls",
         listed="share, lag, initial, spread, known",
     ),
@@ -357,8 +358,7 @@ def _converted(method: str, key: str, value: Any, hint: Any) -> Any:
         if isinstance(value, str | int | float):
             with suppress(ValidationError):  # a single value may mean a list of one
                 return expected.validate_python((value,))
-        why = "; ".join(dict.fromkeys(found["msg"] for found in error.errors()))
-        raise ValueError(f"Method {method} cannot take {key} = {value!r}: {why}.") from None
+        raise ValueError(f"Method {method} cannot take {key} = {value!r}: give {_words(hint)}.") from error
 
 
 def _tuples(value: Any) -> Any:
@@ -373,8 +373,23 @@ def _allowed(method: Method) -> str:
 
 
 def _words(hint: Any) -> str:
-    text = hint.__name__ if isinstance(hint, type) and not get_args(hint) else str(hint)
-    return text.replace("collections.abc.Sequence[", "list[").replace("typing.", "")
+    """A type in words: "a whole number or a list of whole numbers"."""
+    within = get_args(hint)
+    if get_origin(hint) in (Literal, Union, UnionType):
+        words = [str(one) if get_origin(hint) is Literal else _words(one) for one in within]
+        return f"{', '.join(words[:-1])} or {words[-1]}"
+    if within and get_origin(hint) in (list, tuple, Sequence):
+        return f"a list of {_several(within[0])}"
+    return f"a {_NAMED[hint]}" if hint in _NAMED else {bool: "true or false", NoneType: "none"}.get(hint, hint.__name__)
+
+
+def _several(hint: Any) -> str:
+    """A type in words, in the plural."""
+    within = get_args(hint)
+    return f"lists of {_several(within[0])}" if within else f"{_NAMED.get(hint, hint.__name__)}s"
+
+
+_NAMED = {int: "whole number", float: "number", str: "text"}
 
 
 def _needed(field: Field[Any]) -> bool:

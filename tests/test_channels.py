@@ -16,6 +16,7 @@ finite = st.floats(-1e6, 1e6)
         ("depth_km", "depth_m", 0.6, 600.0),
         ("piston_mm", "piston_m", 25.0, 0.025),
         ("piston_cm", "piston_m", 2.5, 0.025),
+        ("depth_ft", "depth_m", 10.0, 3.048),  # international foot
         ("oil_volume_cm3", "oil_volume_m3", 250.0, 2.5e-4),
         ("oil_volume_mL", "oil_volume_m3", 250.0, 2.5e-4),
         ("time_ms", "time_s", 1500.0, 1.5),
@@ -82,7 +83,7 @@ def test_columns_that_are_no_quantity_need_no_unit(name):
     [
         ("heading_degs", ["'heading_degs'", "'_degs'", "Did you mean", "'deg'", "degps"]),
         ("heading", ["'heading'", "does not say its unit", "heading_rad"]),
-        ("depth_ft", ["'_ft'", "map it"]),
+        ("depth_fathom", ["'_fathom'", "map it"]),
         ("u_ms", ["'u_ms'", "u_mps", "milliseconds"]),
         ("depth_rad", ["depth_m"]),
     ],

@@ -12,6 +12,7 @@ import typer
 from rich.table import Table
 
 from auv_gym.cli.application import app
+from auv_gym.cli.options.choices import choice
 from auv_gym.cli.options.console import errors, output, progress_bar, table
 from auv_gym.cli.options.numbers import SEED, whole_number
 
@@ -33,7 +34,7 @@ class Part(StrEnum):
 
 @app.command()
 def campaign(
-    file: Annotated[Path, typer.Argument(help="A campaign file (.toml), see docs/campaigns.md.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A campaign file (.toml), see docs/campaigns.md.")],
     out: Annotated[
         Path, typer.Option(help="Folder for records, index, models and report; an existing campaign is resumed.")
     ],
@@ -42,7 +43,7 @@ def campaign(
         str | None, typer.Option(help="Address of a Dask scheduler for the runs, such as tcp://host:8786.")
     ] = None,
     seed: Annotated[int, whole_number("Added to every seed in the file.", *SEED)] = 0,
-    only: Annotated[Part | None, typer.Option(help="Run only this part. Default: all parts.")] = None,
+    only: Annotated[Part | None, choice(Part, "Run only this part. Default: all parts.")] = None,
 ) -> None:
     """Run a campaign: experiments, fits, comparison and gains; a stopped campaign is resumed.
 

@@ -25,7 +25,7 @@ def compare(
     models: Annotated[
         list[str], typer.Argument(metavar="MODEL", help="Model files (.npz), vehicle files (.toml) or presets.")
     ],
-    record: Annotated[list[str], typer.Option(metavar="RECORD", help="A record to compare over; may be repeated.")],
+    record: Annotated[list[str], typer.Option(metavar="LOG", help="A record to compare over; may be repeated.")],
     out: Annotated[
         Path | None, typer.Option(help="Folder for report.html and scores.json; created if it does not exist.")
     ] = None,

@@ -44,7 +44,7 @@ def spread(args: Sequence[str]) -> list[str]:
 
 @app.command(cls=_Sides)
 def compare_missions(
-    before: Annotated[list[str], typer.Argument(help=f"Logs of the earlier missions. {logs.ANY_LOG}")],
+    before: Annotated[list[str], typer.Argument(metavar="LOG", help=f"Logs of the earlier missions. {logs.ANY_LOG}")],
     vehicle: logs.Vehicle,
     out: Annotated[Path, typer.Option(help="Folder for changes.json and report.html; an existing series is resumed.")],
     after: Annotated[list[str] | None, typer.Option(_WITH, help="Logs of the later missions.")] = None,

@@ -18,9 +18,12 @@ from auv_gym.cli.options import after_doubt, logs
 from auv_gym.cli.options.console import errors, output, progress_bar, table
 from auv_gym.cli.options.next_experiment import propose_experiments, tell
 from auv_gym.cli.options.numbers import LENGTH, SEED, number, whole_number
+from auv_gym.cli.options.outputs import check_output
 
 if TYPE_CHECKING:
     from identification.diagnosis import Diagnosis
+
+_RESULTS = ("diagnosis.json", "vehicle.toml", "report.html", "next_experiment.toml")
 
 
 @app.command()
@@ -72,6 +75,8 @@ def diagnose(
     with progress_bar() as progress:
         progress(0.0, "starting")
         # what can be refused at once comes before what takes long to import
+        inputs = {"--vehicle": vehicle, "--mapping": mapping, "--profile": profile, "--again": again, "": log}
+        check_output("--out", out, inputs, results=_RESULTS)
         logs.refuse_early(vehicle, out, log)
 
         from auv_gym.records.density import read_profiles, with_density
@@ -206,7 +211,7 @@ def _effect_table(diagnosis: Diagnosis) -> Table:
             m = members.get(path)
             title = f"or {spec_at(diagnosis.given.plant, path).title}"
             if m is None:
-                add(title, "", "", None)
+                add(title, "–", "–", None)
             else:
                 add(title, m.size, interval(m.ci95, m.unit), m.probability)
     return shown

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @app.command()
 def evaluate(
-    folder: Annotated[Path, typer.Argument(help="The folder that `auv-gym train` wrote.")],
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder that `auv-gym train` wrote.")],
     env: Annotated[str | None, typer.Option(help="Environment to evaluate in. Default: that of the training.")] = None,
     on: environment.On = "true",
     episodes: Annotated[int, whole_number("Number of episodes; all agents get the same ones.", 2, 1_000_000)] = 50,

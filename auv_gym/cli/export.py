@@ -10,7 +10,9 @@ import typer
 
 from auv_gym.cli.application import app
 from auv_gym.cli.options import logs
+from auv_gym.cli.options.choices import choice
 from auv_gym.cli.options.console import output
+from auv_gym.cli.options.outputs import begins_with, check_output
 
 if TYPE_CHECKING:
     from auv_gym.plant import Plant
@@ -30,9 +32,10 @@ def export(
     vehicle: logs.VehicleArgument,
     to: Annotated[
         Form,
-        typer.Option(
-            help="sdf: a Gazebo world. casadi: the equations of motion as a CasADi function. control: the model "
-            "linearised at its trim, as a MAT file. minari: a data set of the logs."
+        choice(
+            Form,
+            "sdf: a Gazebo world. casadi: the equations of motion as a CasADi function. control: the model linearised "
+            "at its trim, as a MAT file. minari: a data set of the logs.",
         ),
     ],
     out: Annotated[
@@ -63,6 +66,7 @@ def export(
         return
     file = Path(out) if out else Path(f"{plant.name}{_ENDINGS[to]}")
     file = file if file.suffix else file.with_name(f"{file.name}{_ENDINGS[to]}")
+    check_output("--out", file, {"VEHICLE": vehicle}, _KINDS[to])
     for line in _WRITERS[to](plant, file, continuous):
         output.print(line, soft_wrap=True, markup=False)
     beside = f" and {file}.json" if to is Form.casadi else ""
@@ -113,4 +117,9 @@ def _to_minari(plant: Plant, dataset: str, names: list[str], mapping: Path | Non
 
 
 _ENDINGS = {Form.sdf: ".sdf", Form.casadi: ".casadi", Form.control: ".mat"}
+_KINDS = {
+    Form.sdf: ("an SDF file", begins_with(b"<sdf", b"<?xml")),
+    Form.casadi: ("a function that CasADi saved", begins_with(b"jhpnnagiieahaaaa")),  # its mark, as casadi 3 writes it
+    Form.control: ("a MAT file", begins_with(b"MATLAB 5.0 MAT-file")),
+}
 _WRITERS = {Form.sdf: _to_sdf, Form.casadi: _to_casadi, Form.control: _to_control}

@@ -12,6 +12,7 @@ from auv_gym.cli.application import app
 from auv_gym.cli.options import logs, orders
 from auv_gym.cli.options.console import output, progress_bar, table
 from auv_gym.cli.options.numbers import LENGTH, number
+from auv_gym.cli.options.outputs import begins_with, check_output, is_vehicle
 
 if TYPE_CHECKING:
     from rich.table import Table as Printed
@@ -19,12 +20,15 @@ if TYPE_CHECKING:
     from auv_gym.records.record import Record
     from identification.pages.page import Table
 
+_KINDS = {
+    ".toml": ("a vehicle file", is_vehicle),
+    ".npz": ("a model file", begins_with(b"PK\x03\x04", b"PK\x05\x06")),
+}
+
 
 @app.command()
 def identify(
-    records: Annotated[
-        list[str], typer.Argument(metavar="RECORD", help="Logs of any format that `auv-gym look` reads.")
-    ],
+    records: Annotated[list[str], typer.Argument(metavar="LOG", help="Logs of any format that `auv-gym look` reads.")],
     method: Annotated[str, typer.Option(help="A method, see `auv-gym list methods`.")],
     out: Annotated[Path, typer.Option(help="Model file to write: .npz, or .toml for a vehicle.")],
     vehicle: Annotated[
@@ -51,7 +55,7 @@ def identify(
     validate: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="RECORD", help="A record to test on; may be repeated. Default: the last third of each record."
+            metavar="LOG", help="A record to test on; may be repeated. Default: the last third of each record."
         ),
     ] = None,
     resample: logs.Resample = None,
@@ -73,6 +77,11 @@ def identify(
         if vehicle is not None:
             find_vehicle(vehicle)
         logs.check_log_files([*records, *(validate or [])])
+        files = {"": records, "--validate": validate, "--vehicle": vehicle, "--mapping": mapping}
+        check_output("--out", out, files, _KINDS.get(out.suffix.lower()))
+        if report is not None:
+            check_report("--report", report)
+            check_output("--report", report, {**files, "--out": out}, results=("report.html",) * is_folder(report))
 
         from auv_gym.models.files import save_model
         from auv_gym.plant import load_vehicle
@@ -143,8 +152,9 @@ def identify(
         page = None
         if report is not None:
             progress(0.9, "writing the report")
-            page = report if report.suffix == ".html" else report / "report.html"
-            _write_page(page, identified_page(f"{out.stem} ({method})", done, _words(method, done.fitted, records)))
+            page = report / "report.html" if is_folder(report) else report
+            title = method if out.stem == method else f"{out.stem} ({method})"
+            _write_page(page, identified_page(title, done, _words(method, done.fitted, records)))
         progress(1.0, "done")
     output.print()
     output.print(_words(method, done.fitted, records), markup=False, soft_wrap=True)
@@ -210,8 +220,23 @@ def _read(name: str, mapping: Path | None, required: Sequence[str], cut_gaps: bo
 def _check_name(out: Path, suffix: str) -> None:
     if out.suffix.lower() != suffix:
         raise ValueError(f"--out needs a name that ends in {suffix} for this method, got {out.name!r}.")
-    if not out.parent.is_dir():
-        raise ValueError(f"--out names the folder {out.parent}, which does not exist: create it first.")
+
+
+def is_folder(report: Path) -> bool:
+    """Whether a report is to be written into a folder of this name, rather than to a file."""
+    return report.suffix.lower() != ".html"
+
+
+def check_report(option: str, report: Path) -> None:
+    """Raise ValueError, before any work, if a page cannot be written to this file or folder."""
+    from auv_gym.writing import writable_folder
+
+    if report.suffix.lower() == ".htm":
+        raise ValueError(f"{option} needs a name that ends in .html, or a folder, got {report.name!r}.")
+    if not is_folder(report) and report.is_dir():
+        raise ValueError(f"{option} {report} is a folder: give a file in it, such as {report / 'report.html'}.")
+    if is_folder(report):
+        writable_folder(report)
 
 
 def _write_page(path: Path, text: str) -> None:

@@ -9,6 +9,7 @@ import typer
 from rich.table import Table
 
 from auv_gym.cli.application import app
+from auv_gym.cli.options.choices import choice_argument
 from auv_gym.cli.options.console import output, table
 
 if TYPE_CHECKING:
@@ -27,9 +28,12 @@ class Listing(StrEnum):
 
 @app.command(name="list")
 def list_things(
-    what: Annotated[Listing | None, typer.Argument(help="Default: everything.")] = None,
+    what: Annotated[Listing | None, choice_argument(Listing, "Default: everything.")] = None,
     vehicle: Annotated[
-        str | None, typer.Argument(help="With effects: the preset or vehicle file (.toml) whose effects to list.")
+        str | None,
+        typer.Argument(
+            metavar="VEHICLE", help="With effects: the preset or vehicle file (.toml) whose effects to list."
+        ),
     ] = None,
 ) -> None:
     """List vehicles, part kinds, effects, identification methods, and channels with their units."""

@@ -13,6 +13,7 @@ from auv_gym.cli.application import app
 from auv_gym.cli.options import logs
 from auv_gym.cli.options.after_look import next_command, short
 from auv_gym.cli.options.console import output, progress_bar, table
+from auv_gym.cli.options.outputs import check_output, is_mapping
 
 if TYPE_CHECKING:
     from auv_gym.cli.options.matching import Matches
@@ -24,7 +25,7 @@ _MOST = 40  # rows of the table of signals, and lines of what was left out
 
 @app.command()
 def look(
-    log: Annotated[str, typer.Argument(help=logs.ANY_LOG)],
+    log: Annotated[str, typer.Argument(metavar="LOG", help=logs.ANY_LOG)],
     vehicle: Annotated[
         str | None,
         typer.Option(help="A preset or a vehicle file (.toml). Default: compare the log with all presets."),
@@ -48,11 +49,15 @@ def look(
         progress(0.0, "reading the log")
         from auv_gym.cli.options.matching import Matches
         from auv_gym.records.first_look import look_at, mapping_text
-        from auv_gym.writing import writable_folder, write_text
+        from auv_gym.writing import write_text
 
-        for path in (mapping_out, picture):
+        inputs = {"--vehicle": vehicle, "--mapping": mapping, "": log}
+        for option, path, kind in (
+            ("--mapping-out", mapping_out, ("a mapping", is_mapping)),
+            ("--picture", picture, None),
+        ):
             if path is not None:
-                writable_folder(path.parent)
+                check_output(option, path, inputs, kind)
         found = look_at(log, mapping, cache_dir)
         progress(0.6, "comparing with vehicles")
         matches = Matches(found, logs.needs_of([vehicle] if vehicle else None))
@@ -63,8 +68,11 @@ def look(
             draw_log(found, picture)
         if mapping_out is not None:
             wanted = [matches.needs[name] for name in matches.best]
-            write_text(mapping_out, mapping_text(found, wanted, matches.turned[matches.ranked[0]]))
+            write_text(
+                mapping_out, mapping_text(matches.own[matches.best[0]], wanted, matches.turned[matches.ranked[0]])
+            )
         progress(1.0, "done")
+    found = matches.own[matches.ranked[0]]
     _print_head(found)
     _print_signals(matches, every)
     _print_list("Left out, repaired or cut", found.notes if every else logs.grouped(found.notes), every)
@@ -136,7 +144,7 @@ def _print_signals(matches: Matches, every: bool) -> None:
         output.print(f"Rule {RULES.get(way, 2)}: {said} ({count} column{'s' * (count != 1)})")
     if kept:
         whose = next(iter(matches.needs)) if len(matches.needs) == 1 else "any preset"
-        output.print(f"* Kept in the record, but no input or output of {escape(whose)}.")
+        output.print(f"* Kept in the record, but not an input or output of {escape(whose)}.")
     output.print()
 
 

@@ -13,6 +13,7 @@ from auv_gym.cli.application import app
 from auv_gym.cli.options import logs
 from auv_gym.cli.options.console import output, table
 from auv_gym.cli.options.numbers import DEPTH, LENGTH, SEED, TIME_STEP, number, whole_number
+from auv_gym.cli.options.outputs import check_output, is_simulated
 
 if TYPE_CHECKING:
     from auv_gym.plant import Plant
@@ -70,7 +71,8 @@ def simulate(
 ) -> None:
     """Simulate a vehicle under control and record its sensor readings."""
     if out is not None:
-        _check_file_writable(out)
+        _check_name(out)
+        check_output("--out", out, {"VEHICLE": vehicle}, ("a record as this command writes it", is_simulated))
     from auv_gym.presets import find_vehicle
 
     find_vehicle(vehicle)  # refused before what takes long to import
@@ -156,19 +158,12 @@ def _effect_of(text: str) -> tuple[str, float]:
         ) from None
 
 
-def _check_file_writable(path: Path) -> None:
-    """Raises ValueError, before any work is done, if a record cannot be written there."""
-    import tempfile
-
+def _check_name(path: Path) -> None:
+    """Raises ValueError if a record cannot have this name."""
     if path.suffix.lower() not in (".nc", ".csv"):
         raise ValueError(f"--out needs a name that ends in .nc or .csv, got {path.name!r}.")
     if path.is_dir():
         raise ValueError(f"--out needs a file, and {path} is a folder.")
-    try:
-        with tempfile.NamedTemporaryFile(dir=path.parent):
-            pass
-    except OSError as error:
-        raise ValueError(f"Cannot write {path}: {error.strerror or error}. Choose a folder that is writable.") from None
 
 
 def _write_record(record: Record, path: Path) -> None:

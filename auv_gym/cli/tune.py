@@ -11,6 +11,7 @@ from auv_gym.cli.application import app
 from auv_gym.cli.options import logs
 from auv_gym.cli.options.console import output, progress_bar
 from auv_gym.cli.options.numbers import SEED, TIME_STEP, number, whole_number
+from auv_gym.cli.options.outputs import check_output, is_gains
 
 
 @app.command()
@@ -53,7 +54,12 @@ def tune(
         progress(0.0, "starting")
         from auv_gym.presets import find_vehicle
 
-        find_vehicle(vehicle)  # refused before what takes long to import
+        # what can be refused at once comes before what takes long to import
+        find_vehicle(vehicle)
+        inputs = {"VEHICLE": vehicle, "--uncertain": uncertain}
+        check_output("--out", out, inputs, ("a file of gains", is_gains))
+        if report is not None:
+            check_output("--report", report, {**inputs, "--gains": gains, "--out": out})
 
         from auv_gym.plant import load_vehicle
         from controllers.gains import gains_for, read_gains, with_gains, write_gains

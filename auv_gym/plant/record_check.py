@@ -331,10 +331,23 @@ def _listed(names: Sequence[str]) -> str:
     return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]
 
 
+def check_commanded(plant: Plant, called: str = "") -> None:
+    """Raise ValueError if a vehicle has no actuator, so that no log can be compared with it.
+
+    called: what the user calls it, if not by its name.
+    """
+    if not plant.family.actuators:
+        raise ValueError(
+            f"{called or plant.name} has no part with a command, such as a fin or a thruster, so a log cannot be "
+            "compared with it: add such parts to the vehicle file, see `auv-gym list parts`."
+        )
+
+
 def check_excitation(plant: Plant, record: Record) -> None:
     """Raise if all inputs that move the vehicle are constant throughout, or if what they move is."""
     still = []
     moving = plant.family.required or [name for name in plant.family.actuators if record.has(name)]
+    check_commanded(plant)
     if not moving:
         raise ValueError(
             f"Nothing excites the vehicle: the log has none of {', '.join(plant.family.actuators) or 'its inputs'}. "

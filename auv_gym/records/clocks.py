@@ -28,6 +28,7 @@ _DAYS = ((6.9e5, 7.7e5, 719529.0, "MATLAB"), (2e4, 7.4e4, 25569.0, "spreadsheets
 _WITH_MONTH, _WITH_SLASHES = re.compile(r"\d{1,2}-[A-Za-z]{3}-\d{4} "), re.compile(r"\d{4}/\d{2}/\d{2}\b")
 _DAY_OR_MONTH = re.compile(r"\s*\d{1,2}([./-])\d{1,2}\1\d{2,4}\b")  # first, as in 10/03/2024
 YEAR_FIRST = "Write them with the year first, as in 2024-03-10T08:00:00."
+ONE_ZONE = "Write all of them with their zone, or all without."
 _QUICK = 1e-3  # between rows: too fast for seconds of any vehicle's log; in days, a minute and a half
 _SECONDS = Target("time_s")
 _EPOCHS = ((1e17, 1e-9, "nanoseconds"), (1e14, 1e-6, "microseconds"), (1e11, 1e-3, "milliseconds"))
@@ -35,11 +36,20 @@ _EPOCHS = ((1e17, 1e-9, "nanoseconds"), (1e14, 1e-6, "microseconds"), (1e11, 1e-
 
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """The column of a table that holds time.  times: s, (n,).  target: how a mapping converts the column's numbers."""
+    """The column of a table that holds time.  times: s, (n,).  target: how a mapping converts the column's numbers.
+
+    dates: the column of the dates of these times of day, if there is one.
+    """
 
     column: str
     times: np.ndarray
     target: Target = _SECONDS
+    dates: str = ""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns that hold the time."""
+        return (self.column, self.dates) if self.dates else (self.column,)
 
 
 def clocks_of(log: Log, names: Names, notes: list[str]) -> dict[str, Clock]:
@@ -101,7 +111,10 @@ def _as_clock(name: str, columns: Mapping[str, Column], target: Target, notes: l
     column = columns[name]
     if isinstance(column, list):
         times = _of_day(column)
-        return Clock(name, _stamps(name, column) if times is None else _with_dates(times, columns, notes, name))
+        if times is None:
+            return Clock(name, _stamps(name, column))
+        dates = next((d for d, of in columns.items() if _plain(d) in _DATES and isinstance(of, list)), "")
+        return Clock(name, _with_dates(times, columns, notes, name, dates), dates=dates)
     return Clock(name, target.channel_and_values(column.astype(float))[1], target)
 
 
@@ -183,11 +196,13 @@ def _of_day(cells: list[str]) -> np.ndarray | None:
     return seconds if np.isfinite(seconds).any() else None
 
 
-def _with_dates(times: np.ndarray, columns: Mapping[str, Column], notes: list[str], name: str) -> np.ndarray:
+def _with_dates(
+    times: np.ndarray, columns: Mapping[str, Column], notes: list[str], name: str, dates: str
+) -> np.ndarray:
     """Times of day as s since 1970 if there is a column of dates, else since the first midnight, across later ones."""
-    for other, dates in columns.items():
-        if _plain(other) in _DATES and isinstance(dates, list):
-            return _stamps(other, dates) + times
+    column = columns.get(dates)
+    if isinstance(column, list):
+        return _stamps(dates, column) + times
     known = np.flatnonzero(np.isfinite(times))
     midnights = np.r_[0, np.cumsum(np.diff(times[known]) < -0.5 * _DAY)]
     notes.append(f"{name}: taken as the time of day, without a date.")
@@ -199,6 +214,7 @@ def _with_dates(times: np.ndarray, columns: Mapping[str, Column], notes: list[st
 def _stamps(name: str, cells: list[str]) -> np.ndarray:
     """Dates as s since 1970, NaN if empty; UTC if they do not state a zone."""
     seconds = np.full(len(cells), np.nan)
+    first: dict[bool, str] = {}  # the first cell that states a zone, and the first that does not
     for row, cell in enumerate(cells):
         if not cell.strip():
             continue
@@ -210,5 +226,11 @@ def _stamps(name: str, cells: list[str]) -> np.ndarray:
                 f"Column {name!r} needs numbers or dates such as 2024-05-31T12:00:00, got {cell!r} at row {row + 1} "
                 "below the header: correct the cell or leave it empty."
             ) from error
+        first.setdefault(moment.tzinfo is not None, cell.strip())
         seconds[row] = (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+    if len(first) == 2:
+        raise ValueError(
+            f"Column {name!r} has times with a zone, such as {first[True]!r}, and without one, such as "
+            f"{first[False]!r}. {ONE_ZONE}"
+        )
     return seconds

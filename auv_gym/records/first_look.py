@@ -73,6 +73,21 @@ class FirstLook:
         """The channels that a record of the log has."""
         return set() if self.record is None else set(self.record.names)
 
+    def for_needs(self, needs: Needs) -> FirstLook:
+        """The look with the record that a vehicle gets: a channel that it requires costs the samples without it."""
+        if self.known is None or self.record is None:
+            return self
+        logged = {name for stream in self.known.streams for name in stream.values}
+        required = [name for name in needs.required if self.record.has(name) or name in logged]
+        if all(map(self.record.has, required)):
+            return self
+        try:
+            record = assembled(self.known, Needs(tuple(required)))
+        except ValueError:  # it has no value where the others have one
+            return self
+        kept = [line for line in self.notes if line not in self.record.notes]
+        return replace(self, record=record, notes=tuple(dict.fromkeys([*kept, *record.notes])))
+
     def uses(self, needs: Needs) -> set[str]:
         """The channels that a vehicle takes from the log, and those from which they are derived."""
         wanted = {*needs.required, *needs.wanted}
@@ -93,7 +108,7 @@ class FirstLook:
             if signal.by == YOURS
             or (signal.channel in CHANNELS and (signal.channel in uses or not _may_be(signal.channel, channel)))
         }
-        clocks = {clock.column for clock in self.known.clocks.values()} if self.known else set()
+        clocks = {column for clock in self.known.clocks.values() for column in clock.columns} if self.known else set()
         columns = [column for column in self.log.by_name if column not in taken | clocks]
         found = candidates(channel, columns, len(columns))
         targets = {column: guessed(self.log.by_name[column], column, channel) for column in found}
@@ -173,15 +188,16 @@ def mapping_text(look: FirstLook, needs: Sequence[Needs] = (), turned: Mapping[s
     """
     lines = [
         f"# Mapping of {look.path.name} ({look.format}).",
-        "# Their column = our channel, ending in the unit of their numbers.",
-        '# A minus turns the sign, "" leaves a column out; { to = "depth_m", factor = 0.1, offset = -10.0 } scales and',
-        "# shifts; a number is the value of a channel that was constant and not logged.",
+        "# Column of the log = channel; the channel's name ends in the unit of the column.",
+        '# A minus changes the sign, "" leaves a column out; { to = "depth_m", factor = 0.1, offset = -10.0 } scales',
+        "# and shifts; a number is the value of a channel that was constant and not logged.",
         "",
     ]
     known = {target.name for target in (turned or {}).values()}
     guesses: dict[str, Target] = {}
     for one in needs:
-        for wanted in look.missing(one):
+        others = [name for name in one.wanted if name not in look.channels and name not in one.required]
+        for wanted in (*look.missing(one), *others):
             offers = look.offers(wanted, one) if wanted not in known else {}
             column = next((column for column in offers if column not in guesses), None)
             if column is not None:
@@ -197,6 +213,7 @@ def mapping_text(look: FirstLook, needs: Sequence[Needs] = (), turned: Mapping[s
     if look.known is not None:
         for clock in look.known.clocks.values():
             add(clock.column, _in_toml(clock.target))
+            used |= {*clock.columns}
         for name, sources in look.known.by_channel.items():
             for number, source in enumerate(sources):
                 add(source.column, _target(source, (turned or {}).get(name)) if number == 0 else _quoted(""))
@@ -270,7 +287,7 @@ def _signals(log: Log, known: Understood | None) -> list[SignalLook]:
     for group in log.groups:
         sampling = _sampling(_times(group, known))
         for name, column in group.columns.items():
-            if known is not None and any(name == clock.column for clock in known.clocks.values()):
+            if known is not None and any(name in clock.columns for clock in known.clocks.values()):
                 continue
             source, used = taken.get(name, (None, False))
             found.append(_signal(group, name, column, sampling, source if used else None))

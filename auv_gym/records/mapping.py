@@ -20,7 +20,7 @@ import numpy as np
 from auv_gym.channels import CHANNELS, SEGMENT_COLUMNS, Channel, conversion, in_unit, is_flag, known_suffixes
 from auv_gym.param import did_you_mean
 from auv_gym.records.log import Group, Log
-from auv_gym.records.naming import NICKNAMES, WORDS, is_commanded
+from auv_gym.records.naming import WORDS, is_commanded, nickname_of
 
 MappingLike = Mapping[str, Any] | str | Path | None
 YOURS = "your mapping"
@@ -306,13 +306,14 @@ def _by_itself(group: Group, column: str, called: str = "") -> Source:
     unit, name = group.units.get(column), called or column
     if unit in ("", "1", "nodim", "-"):
         unit = None
-    bare = name.partition("[")[0].partition("(")[0] if name.endswith(("]", ")")) else name
+    bare = name.partition("[")[0].partition("(")[0] if name.endswith(("]", ")")) else name.removesuffix("%")
     plain = "_".join(bare.lower().split())
     nickname = _by_nickname(plain)
     known = [one for one in (name, plain, nickname) if one and is_known(one, unit)]
     target = next((one for one in known if conversion(one, unit).channel.name in CHANNELS), None)
     if target is None:  # a channel that we do not list, under its name without the unit in brackets
         target = plain if bare != name and plain in known else (known or [name])[0]
+        target = nickname if nickname in known else target
     conversion(target, unit)
     return Source(group, column, Target(target), unit, by=NICKNAME if target == nickname else OWN)
 
@@ -351,9 +352,10 @@ def command_in(channel: str, unit: str) -> Target | None:
 def _by_nickname(plain: str) -> str:
     """The channel's name for a column with a common alias, keeping its unit suffix; '' if there is none."""
     stem, _, suffix = plain.rpartition("_")
-    if plain in NICKNAMES:
-        return NICKNAMES[plain]
-    return f"{NICKNAMES[stem]}_{suffix}" if stem in NICKNAMES and suffix in known_suffixes() else ""
+    if own := nickname_of(plain):
+        return own
+    own = nickname_of(stem)
+    return f"{own}_{suffix}" if own and suffix in known_suffixes() else ""
 
 
 def _why(group: Group, column: str) -> str:

@@ -131,7 +131,7 @@ def in_order(stream: Stream, notes: list[str]) -> Stream:
         stream = stream.rows(known)
     n = stream.time.size
     if n > 2 and (np.diff(stream.time) < 0.0).all():
-        notes.append(f"The rows{where} run backwards in time and were turned round.")
+        notes.append(f"The rows{where} run backwards in time and were reversed.")
         stream = stream.rows(np.arange(n)[::-1])
     earlier = np.diff(stream.time) < 0.0
     if stream.dated and n > 2 and earlier.mean() > _SHUFFLED:
@@ -150,7 +150,7 @@ def in_order(stream: Stream, notes: list[str]) -> Stream:
     back = int(part[-1] - runs[-1])
     stream = replace(stream, part=part).rows(order)
     if late:
-        notes.append(f"{_counted(late, 'row')}{where} came late or out of order and {_were(late)} sorted in.")
+        notes.append(f"{_counted(late, 'row')}{where} came late or out of order and {_were(late)} sorted into place.")
     if back:
         notes.append(f"The clock{where} went back {_times(back)}; the record is cut there.")
     same = np.r_[False, (np.diff(stream.time) == 0.0) & (np.diff(stream.part) == 0)]

@@ -8,6 +8,7 @@ from difflib import SequenceMatcher
 from itertools import pairwise
 from typing import Final
 
+_OVER_GROUND: Final = ("dvl", "bt")  # bottom track
 # For each channel, words or symbols that other people's names for it contain.
 WORDS: Final[dict[str, tuple[str, ...]]] = {
     "time_s": ("time", "timestamp", "t", "epoch", "juld", "seconds", "secs", "sec", "date", "datetime", "clock", "utc"),
@@ -33,6 +34,13 @@ WORDS: Final[dict[str, tuple[str, ...]]] = {
     "piston_m": ("piston", "stroke", "ballast"),
     "oil_volume_m3": ("oil", "bladder", "vbd", "ballast", "volume", "buoyancy"),
     "buoyancy_volume_m3": ("vbd", "ballast", "buoyancy", "engine", "volume", "oil"),
+    "u_dvl_mps": tuple(f"{dvl}_{axis}" for dvl in _OVER_GROUND for axis in ("u", "x", "vx", "fwd", "forward", "surge")),
+    "v_dvl_mps": tuple(
+        f"{dvl}_{axis}"
+        for dvl in _OVER_GROUND
+        for axis in ("v", "y", "vy", "stbd", "starboard", "lateral", "lat", "sway")
+    ),
+    "w_dvl_mps": tuple(f"{dvl}_{axis}" for dvl in _OVER_GROUND for axis in ("w", "z", "vz", "down", "heave")),
     "temperature_C": ("temperature", "temp"),
     "salinity_psu": ("salinity", "psal", "sal"),
     "density_kgpm3": ("density", "rho", "sigma"),
@@ -43,12 +51,25 @@ NICKNAMES: Final[dict[str, str]] = {
     "roll_rate": "p", "rollrate": "p", "prop_rpm": "propeller_rpm", "prop": "propeller", "rudder_angle": "rudder",
     "sternplane": "stern_plane", "stern_plane_angle": "stern_plane", "temp": "temperature",
     "water_temp": "temperature", "water_temperature": "temperature", "sal": "salinity", "psal": "salinity",
-    "practical_salinity": "salinity", "cond": "conductivity",
+    "practical_salinity": "salinity", "cond": "conductivity", "press": "pressure", "pres": "pressure",
+    "northing": "north", "easting": "east", "rud": "rudder",
+    **{f"{word}_{axis}": rate for word in ("gyro", "gyr", "omega") for axis, rate in zip("xyz", "pqr", strict=True)},
+    **{f"{word}{axis}": rate for word in ("gyro", "gyr") for axis, rate in zip("xyz", "pqr", strict=True)},
 }  # fmt: skip
+_NUMBERED: Final = re.compile(r"(thr|thruster|thrust|t|motor|mot|esc|prop|propeller|pwm|output|servo|m|ch)_?(\d+)")
+_SURE_NUMBERED: Final = ("thr", "thruster")
 _COMMANDED = frozenset(
     {"cmd", "c", "command", "commanded", "desired", "des", "target", "setpoint", "sp", "ref", "goal", "d"}
 )
 _ALIKE = 0.8  # share of common letters above which one word may be a misspelling of another
+
+
+def nickname_of(stem: str) -> str:
+    """The beginning of our name for an alias that is unambiguous together with a suitable unit; '' if it is none."""
+    numbered = _NUMBERED.fullmatch(stem)
+    if numbered is not None and numbered[1] in _SURE_NUMBERED:
+        return f"t{int(numbered[2])}"
+    return NICKNAMES.get(stem, "")
 
 
 def candidates(channel: str, columns: Iterable[str], most: int = 3) -> list[str]:
@@ -60,6 +81,7 @@ def candidates(channel: str, columns: Iterable[str], most: int = 3) -> list[str]
     for column in columns:
         said = _words_of(column)
         score = max((_score(word, said, column.lower()) for word in words), default=0.0)
+        score = max(score, _score_of_number(measured, said))
         if score and bool(_COMMANDED & said) != wants_command:
             score -= 0.3
         if score > 0.0:
@@ -91,6 +113,15 @@ def _score(word: str, said: set[str], column: str) -> float:
     if len(word) > 3 and any(SequenceMatcher(None, word, other).ratio() >= _ALIKE for other in said):
         return 0.5
     return 0.0
+
+
+def _score_of_number(channel: str, said: set[str]) -> float:
+    """How well the words of a column name the thruster of a channel such as `t1_share`: `Thr1`, `motor 1`."""
+    wanted = re.fullmatch(r"t(\d+)_[a-z]+", channel)
+    if wanted is None:
+        return 0.0
+    found = [match for word in said if (match := _NUMBERED.fullmatch(word)) and int(match[2]) == int(wanted[1])]
+    return max((1.0 if match[1] in _SURE_NUMBERED else 0.7 for match in found), default=0.0)
 
 
 def _words_of(name: str) -> set[str]:

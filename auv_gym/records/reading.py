@@ -118,7 +118,7 @@ def read_record(
     beside = None if beside is None else Path(beside)
     found = []
     for number, file in enumerate(map(find_log, paths)):
-        if _is_saved_record(file) and not names.targets and not names.constants:
+        if is_saved_record(file) and not names.targets and not names.constants:
             found.append((file, _saved(file, needs, max_gap_s)))
         else:
             found.append((file, _read_one(file, names, beside, partial(_share, told, number, len(paths)))))
@@ -151,7 +151,7 @@ def understood(log: Log, names: Names, needs: Needs) -> Understood:
     """The columns of a log as channels; raises if the mapping does not fit the log, or if no column holds time."""
     notes = list(log.notes)
     clocks = clocks_of(log, names, notes)
-    held = {clock.column for clock in clocks.values()}
+    held = {column for clock in clocks.values() for column in clock.columns}
     taken = replace(names, left_out=names.left_out | held)
     found, left_out = sources(log, taken)
     notes += left_out
@@ -317,9 +317,12 @@ def _missing(missing: Sequence[str], known: Understood) -> ValueError:
     have = list_of(sorted({name for stream in known.streams for name in stream.values}))
     needed = " and ".join(missing) if len(missing) < 3 else ", ".join(missing)
     example = f'"their column" = "{missing[0]}"'
+    one = len(missing) == 1
+    lack = f"no channel {needed}, which is needed" if one else f"no channels {needed}, which are needed"
+    name, state = ("it", "it as a constant") if one else ("them", "them as constants")
     return ValueError(
-        f"The log has no channel {needed}, which {'is' if len(missing) == 1 else 'are'} needed; it has {have}. {hints}"
-        f"Name it in a mapping, as in {example}, or state it as a constant; `auv-gym look` shows all columns."
+        f"The log has {lack}; it has {have}. {hints}Name {name} in a mapping, as in {example}, or state {state}; "
+        "`auv-gym look` shows all columns."
     )
 
 
@@ -411,7 +414,7 @@ def _labels(group: Group, found: Sequence[Source]) -> np.ndarray | None:
     return _joined([group.columns[name] for name in columns if name in group.columns])
 
 
-def _is_saved_record(path: Path) -> bool:
+def is_saved_record(path: Path) -> bool:
     """Whether a file was written by Record.save."""
     if not path.is_file():  # a ROS 2 bag is a folder
         return False

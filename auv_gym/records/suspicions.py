@@ -74,22 +74,19 @@ def suspicions(known: Understood, record: Record | None) -> list[str]:
 def _impossible(known: Understood) -> list[str]:
     found = []
     for name, sources in known.by_channel.items():
-        of = channel(name)
-        by_unit = _POSSIBLE.get(of.unit, _ANYTHING) if name in CHANNELS else _ANYTHING
-        low, high, units = _POSSIBLE.get(name, by_unit)
-        source = sources[0]
+        of, source = channel(name), sources[0]
         values = next((s.values[name] for s in known.streams if name in s.values), np.empty(0))
         values = values[np.isfinite(values)]
         if not values.size:
             continue
-        least, most = (float(v) for v in np.quantile(values, [0.01, 0.99]))
+        least, most = _extent(values)
         if name == "depth_m" and most < 0.5 and least < -2.0:
             found.append(
                 f"{source.column}: depth goes from {least:.3g} to {most:.3g} m and so is positive upwards: map it to "
                 '"-depth_m".'
             )
-        elif (least < low or most > high) and not (name == "heading_rad" and _counted(values)):
-            unit = next((u for u in units if least * u[0] >= low and most * u[0] <= high), None)
+        elif beyond_possible(name, values) and not (name == "heading_rad" and _counted(values)):
+            unit = unit_instead(name, values)
             looks = f"it looks like {unit[1]}" if unit else "check its unit"
             stem = name.rpartition("_")[0]
             mend = f': map it to "{stem}_{unit[2]}"' if unit and unit[2] else ""
@@ -106,6 +103,30 @@ def _impossible(known: Understood) -> list[str]:
                     f'"{name}".'
                 )
     return found
+
+
+def beyond_possible(name: str, values: np.ndarray) -> bool:
+    """Whether the finite values of a channel are beyond what is possible at all, a few of them apart."""
+    low, high, _ = _possible_range(name)
+    least, most = _extent(values)
+    return least < low or most > high
+
+
+def unit_instead(name: str, values: np.ndarray) -> tuple[float, str, str] | None:
+    """The unit that makes the finite values of a channel possible: its size in SI, its name and its suffix."""
+    low, high, units = _possible_range(name)
+    least, most = _extent(values)
+    return next((u for u in units if least * u[0] >= low and most * u[0] <= high), None)
+
+
+def _possible_range(name: str) -> tuple[float, float, tuple[tuple[float, str, str], ...]]:
+    return _POSSIBLE.get(name, _POSSIBLE.get(channel(name).unit, _ANYTHING) if name in CHANNELS else _ANYTHING)
+
+
+def _extent(values: np.ndarray) -> tuple[float, float]:
+    """The range of values, a few of them apart."""
+    least, most = np.quantile(values, [0.01, 0.99])
+    return float(least), float(most)
 
 
 def _counted(heading: np.ndarray) -> bool:
@@ -158,16 +179,18 @@ def _spikes(record: Record) -> list[str]:
 
 
 def _folded(record: Record) -> list[str]:
-    found = []
-    for name in ("heading_rad", "roll_rad"):
-        if record.has(name):
-            steps = np.concatenate([np.diff(record[name][part]) for part in record.segments])
-            if steps.size > _LEAST and float(np.sqrt(np.mean(steps**2))) > _FOLDED:
-                found.append(
-                    f"{name}: its steps from sample to sample are as large as if it were folded at random; it looks "
-                    "like degrees that were taken for radians, or is sampled too slowly to follow the turns."
-                )
-    return found
+    return [
+        f"{name}: its steps from sample to sample are as large as if it were folded at random; it looks like degrees "
+        "that were taken for radians, or is sampled too slowly to follow the turns."
+        for name in ("heading_rad", "roll_rad")
+        if record.has(name) and is_folded(record, name)
+    ]
+
+
+def is_folded(record: Record, name: str) -> bool:
+    """Whether the steps of an angle are as large as if it were folded at random."""
+    steps = np.concatenate([np.diff(record[name][part]) for part in record.segments])
+    return steps.size > _LEAST and float(np.sqrt(np.mean(steps**2))) > _FOLDED
 
 
 def _against_rates(record: Record) -> list[str]:

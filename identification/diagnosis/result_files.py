@@ -60,8 +60,7 @@ def write_diagnosis(diagnosis: Diagnosis, folder: str | os.PathLike, extras: Ext
     }
     notes |= {c.path: f"refitted by a diagnosis of {diagnosis.source or 'a record'}" for c in diagnosis.coefficients}
     after = diagnosis.plants["after"]
-    seen = (after.fitted_to, diagnosis.source or "a record")
-    fitted = replace(after, fitted_to="; ".join(dict.fromkeys(filter(None, seen))))
+    fitted = replace(after, fitted_to=_with_log(after.fitted_to, diagnosis.source or "a record"))
     save_vehicle(fitted, paths["vehicle.toml"], notes)
     before = len(extras.failures)
     page = extras.attempt("The report", lambda: diagnosis_page(diagnosis, extras), "")
@@ -72,6 +71,11 @@ def write_diagnosis(diagnosis: Diagnosis, folder: str | os.PathLike, extras: Ext
     if len(extras.failures) > before:
         write_text(paths["diagnosis.json"], _json_text(diagnosis, extras))
     return paths
+
+
+def _with_log(fitted_to: str, log: str) -> str:
+    """The logs that a vehicle was fitted to, and one more; each once."""
+    return "; ".join(dict.fromkeys(filter(None, [*fitted_to.split("; "), log])))
 
 
 def _json_text(diagnosis: Diagnosis, extras: Extras) -> str:
@@ -223,6 +227,11 @@ def again(file: str | os.PathLike, record: Record, progress: Progress = lambda f
         parts = [Part(**(part | {"channels": tuple(part["channels"])})) for part in vehicle["parts"]]
     except FileNotFoundError:
         raise ValueError(f"There is no file {file}. Give the diagnosis.json that `auv-gym diagnose` wrote.") from None
+    except (json.JSONDecodeError, UnicodeDecodeError):
+        raise ValueError(
+            f"{file} is no diagnosis.json, since it does not hold JSON. Give the diagnosis.json that `auv-gym "
+            "diagnose` wrote."
+        ) from None
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{file} is no diagnosis.json of this version ({error}): run the diagnosis again.") from error
     family = family_named(vehicle["family"], parts)

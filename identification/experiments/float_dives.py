@@ -91,8 +91,8 @@ def depth_control(
     holds = [float(h) for h in hold] if isinstance(hold, Sequence) else [float(hold)] * len(targets)
     if not targets or len(holds) != len(targets) or not all(h > far for h in holds):
         raise ValueError(
-            f"depth_control needs targets and for each a hold longer than a sample ({far:g} s), got "
-            f"{len(targets)} targets and {holds} s."
+            f"A float needs targets and for each a hold (--duration, hold) longer than a sample of {far:g} s (--dt, "
+            f"dt), got {len(targets)} targets and {holds} s."
         )
     if not all(0.0 <= target < inf for target in targets):
         raise ValueError(

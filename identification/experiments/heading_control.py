@@ -64,7 +64,10 @@ def closed_loop(
     skipped = round(run_in / plant.dt)
     n = floor(duration / plant.dt + 1e-9) + 1 + skipped
     if n < 2 + skipped:
-        raise ValueError(f"closed_loop needs a duration of at least one sample ({plant.dt:g} s), got {duration:g} s.")
+        raise ValueError(
+            f"A run needs a duration (--duration, duration) of at least one sample, {plant.dt:g} s (--dt, dt), got "
+            f"{duration:g} s."
+        )
     controller = heading_pid(plant) if controller is None else controller
     time = plant.dt * np.arange(n)
     limit = plant.hull.rudder_limit

@@ -77,7 +77,10 @@ def hover(
     _check(plant, loop, amplitude, measured)
     n = round(duration / plant.dt) + 1
     if n < 3:
-        raise ValueError(f"hover needs a duration of at least two samples ({2 * plant.dt:g} s), got {duration:g} s.")
+        raise ValueError(
+            f"A run needs a duration (--duration, duration) of at least two samples, {2 * plant.dt:g} s (--dt, dt), "
+            f"got {duration:g} s."
+        )
     seen = MEASURED[measured]
     outputs = plant.outputs if seen is None else tuple(name for name in plant.outputs if name in seen)
     time = plant.dt * np.arange(n)

@@ -64,6 +64,8 @@ def _commanded(plant: Plant, inputs: np.ndarray, time: np.ndarray) -> int:
     """
     family, p = plant.family, plant.family.view(plant.derived)
     shape, times, count = family.hooks.shape, family.hooks.actuator_times, len(family.actuators)
+    if not count:  # a vehicle that only drifts
+        return 0
     dead_times, lags, slownesses = zip(*(times(j, p) for j in range(count)), strict=True)
     at, plays, shaped = np.zeros((2, count)), np.zeros((2, count)), np.zeros((2, count))
     for side in (0, 1):

@@ -110,7 +110,7 @@ def learned_words(found: Watched) -> str:
     """Which log the monitor learned from, and whether that log itself shows a fault."""
     learned = found.monitor.learned
     hours = len(learned.clean) * learned.interval / 3600.0
-    text = f"The monitor takes the vehicle in {found.clean} ({hours:.2g} h) for healthy."
+    text = f"The monitor assumes that the vehicle in {found.clean} ({hours:.2g} h) was healthy."
     if learned.missing:
         names = " or ".join(dict.fromkeys(spec_at(learned.plant, path).title for path in learned.missing))
         text += (

@@ -34,12 +34,14 @@ from identification.pages.drawing import (
     downwards,
     grid,
     line,
+    nearest_turns,
     new_figure,
     patch,
     quantity_label,
     shown_values,
     thinned,
     unit_label,
+    with_unit,
 )  # fmt: skip
 
 if TYPE_CHECKING:
@@ -76,25 +78,21 @@ def log_figure(d: Diagnosis) -> Figure:
         axes.margins(x=0.0)
         axes.locator_params(axis="y", nbins=3 if name in context else 5)
         downwards(axes, name)
-    if outputs[0] == "heading_rad" and record.has("heading_cmd_rad"):
-        command, heading = record["heading_cmd_rad"], record["heading_rad"]
-        near = command + 2.0 * np.pi * np.round((heading - command) / (2.0 * np.pi))
-        line(
-            panels[0],
-            clock.times,
-            np.rad2deg(near),
-            clock.cuts,
-            color=COMMAND,
-            linewidth=1.0,
-            linestyle="--",
-            zorder=1.5,
-        )
-        panels[0].set_title(f"{quantity_label('heading_rad')} (dashed: commanded)", loc="left")
-    if outputs[0] == "heading_rad":
-        compass_ticks(panels[0])
+        if name == "heading_rad":
+            _draw_commanded_heading(axes, record, clock)
+            compass_ticks(axes)
     panels[-1].set_xlabel(clock.label)
     figure.legend(handles=_window_patches(d), loc="outside upper left", ncols=2)
     return figure
+
+
+def _draw_commanded_heading(axes, record: Record, clock: Clock) -> None:
+    """Draw the commanded heading, if it was logged, within half a turn of the measured one."""
+    if not record.has("heading_cmd_rad"):
+        return
+    near = np.rad2deg(nearest_turns(record["heading_cmd_rad"], record["heading_rad"]))
+    line(axes, clock.times, near, clock.cuts, color=COMMAND, linewidth=1.0, linestyle="--", zorder=1.5)
+    axes.set_title(f"{quantity_label('heading_rad')} (dashed: commanded)", loc="left")
 
 
 def drives(name: str, required: Collection[str]) -> bool:
@@ -188,7 +186,7 @@ def growth_figure(d: Diagnosis) -> Figure:
             tops.append(min(np.nanmax(shown_values(name, error)), 2.5 * max(tops)))
         axes.set_xlim(0.0, d.window)
         axes.set_ylim(0.0, 1.08 * max(tops))
-        axes.set_title(f"error of {d.after.unseen.label(name)}, {unit_label(name)} (RMS)", loc="left")
+        axes.set_title(f"{with_unit(f'error of {d.after.unseen.label(name)}', name)} (RMS)", loc="left")
         axes.set_xlabel("time since the window's start, s")
     handles, labels = panels[0].get_legend_handles_labels()
     handles, labels = [*handles, patch(SETTLE_SHADE)], [*labels, "start fitted here, not scored"]
@@ -234,7 +232,7 @@ def residual_figure(d: Diagnosis) -> Figure:
                 **{**look, "linewidth": 0.75 * look["linewidth"]},
             )
         axes.axhline(0.0, color=INK, linewidth=0.7)
-        axes.set_title(f"residual of {d.after.fitted.label(name)}, {unit_label(name)}", loc="left")
+        axes.set_title(with_unit(f"residual of {d.after.fitted.label(name)}", name), loc="left")
         axes.margins(x=0.0)
     panels[-1].set_xlabel(clock.label)
     handles, labels = panels[0].get_legend_handles_labels()
@@ -494,4 +492,4 @@ def _rate_against(d: Diagnosis, name: str, label: str) -> tuple[np.ndarray, np.n
 
 def _rate_unit(name: str) -> str:
     unit = unit_label(name)
-    return f"{unit}²" if unit.endswith("/s") else f"{unit}/s"
+    return f"{unit}²" if unit.endswith("/s") else "1/s" if unit == "1" else f"{unit}/s"

@@ -108,9 +108,9 @@ PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
         "inputs",
         diagnosis_figures.input_correlation_figure,
         "Correlation of the residual of {left} with each input at positive and negative lags.",
-        "Correlation of the residual of {left} with the inputs. A clear peak right of zero points to a response to it "
-        "that the model does not have. A peak left of zero is due to feedback, which moves the {input} after an error "
-        "of {first}.",
+        "Correlation of the residual of {left} with the inputs. A clear peak right of zero points to a response to "
+        "that input that the model does not have. A peak left of zero is due to feedback: the controller reacts to "
+        "such errors.",
     ),
     (
         "correlate",
@@ -214,9 +214,7 @@ def _figures(d: Diagnosis, extras: Extras) -> dict[str, Drawing | None]:
         "left": channel(diagnosis_figures.least_explained(d)).label,
         "input": channel((*d.given.plant.family.required, *d.given.plant.inputs)[0]).label,
         "model": "before and after the diagnosis" if d.changed else "with its coefficients refitted",
-        "slow": "come from process noise here, since one-step predictions leave only noise"
-        if d.only_noise
-        else "show that the model is missing something",
+        "slow": _slow_words(d),
     }
     missing = {
         "track": not {"north_m", "east_m"} <= set(d.after.unseen.channels),
@@ -232,6 +230,15 @@ def _figures(d: Diagnosis, extras: Extras) -> dict[str, Drawing | None]:
             picture = extras.attempt(f"The picture '{key}'", drawn, "")
             made[key] = drawing(picture, caption.format(**words)) if picture else None
     return made
+
+
+def _slow_words(d: Diagnosis) -> str:
+    """What slow waves and slopes of the residual mean, in words to follow them."""
+    if not d.only_noise:
+        return "show that the model is missing something"
+    pushed = d.only_pushed or (d.noise is not None and bool(d.noise.swell))
+    means = "come from process noise here" if pushed else "do not show that anything is missing here"
+    return f"{means}, since one-step predictions leave only noise"
 
 
 def _errors(d: Diagnosis) -> list[dict[str, Any]]:

@@ -38,7 +38,14 @@ def rounds_of(d: Diagnosis, titles: dict[str, str]) -> list[dict[str, Any]]:
             for t in r.trials
         ]
         rounds.append(
-            {"number": number_, "after": list(added), "trials": trials, "zero": zero, "outcome": _outcome(d, r)}
+            {
+                "number": number_,
+                "after": list(added),
+                "trials": trials,
+                "unfitted": sum(t["kind"] == "unseen" for t in trials),
+                "zero": zero,
+                "outcome": _outcome(d, r),
+            }
         )
         added += [r.chosen.candidate.title] if r.chosen else []
     return rounds

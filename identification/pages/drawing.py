@@ -103,8 +103,13 @@ def unit_label(name: str) -> str:
 
 def quantity_label(name: str) -> str:
     """`heading, deg`: the words for a channel, with its unit if it has one."""
+    return with_unit(channel(name).label, name)
+
+
+def with_unit(words: str, name: str) -> str:
+    """Words for a quantity, followed by the unit in which a channel is drawn, if it has one."""
     unit = unit_label(name)
-    return channel(name).label if unit in ("", "1") else f"{channel(name).label}, {unit}"
+    return words if unit in ("", "1") else f"{words}, {unit}"
 
 
 def thinned(values: np.ndarray, most: int, cuts: Sequence[int] | np.ndarray = ()) -> np.ndarray:
@@ -195,6 +200,12 @@ def patch(colour: str):
     from matplotlib.patches import Patch
 
     return Patch(facecolor=colour, edgecolor="#b9c4cd", linewidth=0.6)
+
+
+def nearest_turns(angle: np.ndarray, beside: np.ndarray) -> np.ndarray:
+    """Angles, rad, shifted by whole turns to lie within half a turn of others, where these are known."""
+    turns = np.round((beside - angle) / (2.0 * np.pi))
+    return angle + 2.0 * np.pi * np.where(np.isfinite(turns), turns, 0.0)
 
 
 def compass_ticks(axes) -> None:

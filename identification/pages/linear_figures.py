@@ -104,7 +104,7 @@ def bode_figure(models: Models, omega: np.ndarray | Sequence[float] | None = Non
             f"{_pair_words(output, given, columns)}\ngain, dB" + (f" re 1 {unit}" if unit != "1" else ""), loc="left"
         )
         bottom.set_title("phase, deg", loc="left", color=QUIET)
-        bottom.set_xlabel("rad/s")
+        bottom.set_xlabel("frequency, rad/s")
         bottom.tick_params(labelbottom=True)
     legend(figure, drawn)
     return figure

@@ -14,8 +14,10 @@ from auv_gym.writing import replacing
 from identification.pages.drawing import (
     STYLE,
     Clock,
+    compass_ticks,
     downwards,
     line,
+    nearest_turns,
     new_figure,
     require_render,
     shown_values,
@@ -78,7 +80,10 @@ def _figure(record: Record, title: str) -> Figure:
     rows = figure.subplots(len(shown), 1, squeeze=False, sharex=True)[:, 0]
     for axes, (heading, names) in zip(rows, shown, strict=True):
         for colour, name in zip(_COLOURS, names, strict=False):
-            values = shown_values(name, record[name])
+            values = record[name]
+            if names[0] == "heading_rad" != name:
+                values = nearest_turns(values, record["heading_rad"])
+            values = shown_values(name, values)
             style = "steps-post" if channel(name).held else "default"
             line(
                 axes,
@@ -91,8 +96,11 @@ def _figure(record: Record, title: str) -> Figure:
                 drawstyle=style,
             )
         axes.set_title(heading, loc="left")
-        axes.set_ylabel(unit_label(names[0]))
+        unit = unit_label(names[0])
+        axes.set_ylabel("" if unit == "1" else unit)
         downwards(axes, names[0])
+        if names[0] == "heading_rad":
+            compass_ticks(axes)
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7.5)
     rows[-1].set_xlabel(clock.label)
     return figure

@@ -25,7 +25,7 @@ from identification.pages.drawing import (
     new_figure,
     quantity_label,
     shown_values,
-    unit_label,
+    with_unit,
 )
 from identification.pages.drawn_channels import excited_set_point
 from identification.pages.page import Drawing, drawn
@@ -90,7 +90,7 @@ def rollout_figure(
                     _shade(axes, clock.times[rows], shown_values(name, middle), half, cuts)
         bottom.axhline(0.0, color=INK, linewidth=0.7)
         top.set_title(quantity_label(name), loc="left")
-        bottom.set_title(f"model minus measured, {unit_label(name)}", loc="left", color=QUIET)
+        bottom.set_title(with_unit("model minus measured", name), loc="left", color=QUIET)
         for axes in (top, bottom):
             axes.margins(x=0.0)
             axes.locator_params(axis="y", nbins=5 if axes is top else 3)
@@ -132,7 +132,7 @@ def horizon_figure(sweeps: Mapping[str, Mapping[str, Mapping[float, float]]]) ->
                 axes.loglog(seconds, shown_values(name, errors), marker="o", markersize=3, label=label, **look)
         if largest > 0.0:
             axes.set_ylim(bottom=max(axes.get_ylim()[0], _SHOWN * largest))
-        axes.set_title(f"error of {channel(name).label}, {unit_label(name)} (RMS)", loc="left")
+        axes.set_title(f"{with_unit(f'error of {channel(name).label}', name)} (RMS)", loc="left")
         axes.set_xlabel("seconds ahead")
         for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
             axis.set_major_formatter("{x:g}")

@@ -22,7 +22,7 @@ from identification.identified import Identified
 from identification.linear.fit import LinearFit, has_errors, is_linear
 from identification.linear.polynomials.orders import OrderSearch
 from identification.linear.uncertainty import SimulatedBand, pole_intervals
-from identification.pages.drawing import shown_values, unit_label
+from identification.pages.drawing import quantity_label, shown_values
 from identification.pages.drawn_channels import outputs_of
 from identification.pages.linear_figures import bode_figure, pole_zero_figure
 from identification.pages.linear_tables import full_pole_table, order_table, zero_table
@@ -88,7 +88,7 @@ def horizon_table(sweeps: Sweeps) -> Table:
                     number(float(shown_values(name, np.asarray(of[name][k])))) if k in of[name] else "–"
                     for k in horizons
                 ]
-                rows.append((f"{channel(name).label}, {unit_label(name)}", model, *found))
+                rows.append((quantity_label(name), model, *found))
     return Table(("output", "model", *(f"{k:g} s" for k in horizons)), tuple(rows), words=2)
 
 

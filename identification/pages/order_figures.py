@@ -12,7 +12,7 @@ import numpy as np
 
 from auv_gym.channels import channel
 from identification.linear.polynomials.orders import CRITERIA, Cell, OrderSearch
-from identification.pages.drawing import INK, QUIET, grid, new_figure, shown_values, unit_label
+from identification.pages.drawing import INK, QUIET, grid, new_figure, shown_values, with_unit
 from identification.pages.model_figures import LOOKS, legend
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def _draw_map(axes, cells: Sequence[Cell], chosen: dict[str, Cell], output: str)
     every = int(np.ceil(len(told) / 12))
     axes.set_xticks(range(0, len(told), every), told[::every], rotation=0 if alike or len(told) < 9 else 60)
     axes.grid(False)
-    axes.set_title(f"error of {channel(output).label} one step ahead, {unit_label(output)}", loc="left")
+    axes.set_title(with_unit(f"error of {channel(output).label} one step ahead", output), loc="left")
     axes.set_xlabel("n_b" if alike else "n_b, of each input")
     axes.set_ylabel("n_a")
 
@@ -124,7 +124,7 @@ def _draw_criteria(axes, cells: Sequence[Cell], chosen: dict[str, Cell], output:
     spread = max(high - low, 1e-3 * high, 1e-12)
     axes.set_ylim(low - 0.1 * spread, low + _ROOM * spread)
     axes.xaxis.get_major_locator().set_params(integer=True)
-    axes.set_title(f"criteria as errors, {unit_label(output)}", loc="left")
+    axes.set_title(with_unit("criteria as errors", output), loc="left")
     axes.set_xlabel("parameters")
 
 

@@ -16,7 +16,7 @@ from controllers.tuning.requirements import QUANTITIES, worst
 from controllers.tuning.spread import CHANGE
 from controllers.tuning.tuning import Judged, Trying
 from identification.diagnosis.wording import listed, short
-from identification.pages.drawing import AFTER, BEFORE, INK, QUIET, downwards, new_figure, quantity_label, shown_values
+from identification.pages.drawing import AFTER, BEFORE, INK, QUIET, downwards, new_figure, shown_values, with_unit
 from identification.pages.model_page import Section
 from identification.pages.page import Table, amount, drawn, number, page, span
 
@@ -57,8 +57,8 @@ def tuning_summary(found: Judged) -> list[str]:
         else:
             more = f" Its other {len(values) - _TOLD} parameters are in the file of gains." * (len(values) > _TOLD)
             lines.append(
-                f"The worst vehicle is {found.names[hardest.at]}, with {worst_value}. It has "
-                f"{listed(values[:_TOLD], 'and')}.{more}"
+                f"The worst vehicle is {found.names[hardest.at]}{_which(found, hardest.at)}, with {worst_value}. "
+                f"It has {listed(values[:_TOLD], 'and')}.{more}"
             )
     if failed:
         lines.append(_remedy(found))
@@ -68,6 +68,12 @@ def tuning_summary(found: Judged) -> list[str]:
             f"{'; '.join(found.refused[:_LISTED])}"
         )
     return lines
+
+
+def _which(found: Judged, at: int) -> str:
+    """What a drawn vehicle or a corner is, in brackets."""
+    corner = found.names[at].startswith("corner")
+    return f" ({'parameters at the ends of' if corner else 'parameters drawn at random from'} their intervals)"
 
 
 def _with_value(found: Judged, path: str, value: float) -> str:
@@ -143,7 +149,14 @@ def tuning_page(found: Judged) -> str:
                 )
             ],
         ),
-        Section("Gains", tables=[_gains_table(found)]),
+        Section(
+            "Gains",
+            [
+                "Gains have the unit of the command per unit of the error, of its integral or of its rate, in SI units "
+                "and radians. Times are in seconds."
+            ],
+            [_gains_table(found)],
+        ),
         Section(
             "Uncertain parameters",
             [
@@ -180,7 +193,7 @@ def tuning_figure(found: Judged) -> Figure:
         phase.axhline(-180.0, color=QUIET, linewidth=0.7)
         gain.set_ylabel("gain, dB")
         phase.set_ylabel("phase, deg")
-        step.set_ylabel(quantity_label(name))
+        step.set_ylabel(with_unit(_loop(name), name))
         downwards(step, name)
         gain.set_title(_loop(name), loc="left")
     for axes, label in zip(panels[-1], ("frequency, rad/s", "frequency, rad/s", "time, s"), strict=True):

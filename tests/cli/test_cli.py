@@ -148,7 +148,7 @@ def test_the_help_of_simulate_says_which_options_are_for_gliders_in_steady_fligh
         (["simulate", "slocum", "--target-depth", "3"], "--target-depth does not apply to slocum"),
         (["simulate", "mermaid", "--duration", "600"], "--duration does not apply to mermaid"),
         (["simulate", "qiandao_float", "--compass-noise-deg", "1"], "family float_piston: leave it out"),
-        (["simulate", "qiandao_float", "--duration", "1"], "hold longer than a sample"),
+        (["simulate", "qiandao_float", "--duration", "1"], "longer than a sample of"),
         (
             ["simulate", "mermaid", "--target-depth", "9"],
             "need target depths (--target-depth, target_depths) from 50 to",
@@ -156,6 +156,7 @@ def test_the_help_of_simulate_says_which_options_are_for_gliders_in_steady_fligh
         (["simulate", "slocum_flight", "--target-depth", "3"], "(--target-depth, target_depths) from 32 to 1000 m"),
         (["simulate", "remus100", "--dt", "1"], "No gains of 'remus100' within a factor of 2"),
         (["simulate", "slocm"], "Did you mean 'slocum'"),
+        (["simulate", "slocum", "--dt", "700"], "(--duration, duration) of at least one sample, 700 s (--dt, dt), got"),
         (["simulate", "slocum", "--effect", "effects.rudder.offset"], "got no '='"),
         (["simulate", "slocum", "--effect", "effects.rudder.offset=much"], "the value 'much'"),
         (["simulate", "slocum", "--effect", "effects.rudder.ofset=0.1"], "Did you mean 'effects.rudder.offset'"),
@@ -164,7 +165,10 @@ def test_the_help_of_simulate_says_which_options_are_for_gliders_in_steady_fligh
         (["simulate", "slocum", "--duration", "8.1e6"], "makes 2.02e+06 samples, but memory allows for 2000000"),
         (["simulate", "slocum", "--duration", "2001", "--dt", "0.001"], "a longer --dt"),
         (["simulate", "slocum", "--out", "run.xlsx"], ".nc or .csv"),
-        (["simulate", "slocum", "--out", "no/such/folder/run.nc"], "Cannot write"),
+        (
+            ["simulate", "slocum", "--out", "no/such/folder/run.nc"],
+            "--out names the folder no/such/folder, which does not",
+        ),
         (["diagnose", "nothing.csv", "--vehicle", "slocum", "--out", "OUT"], "There is no file nothing.csv"),
         (["diagnose", "nothing.csv", "--vehicle", "slocm", "--out", "OUT"], "Did you mean 'slocum'"),
         (["diagnose", "nothing.csv", "--vehicle", "slocum", "--out", "FILE"], "Cannot write into"),
@@ -184,6 +188,12 @@ def test_errors_are_one_message_and_exit_code_1(arguments, words, tmp_path, monk
 def test_usage_errors_exit_with_2(capsys):
     assert main(["simulate"]) == 2
     assert main(["list", "vehicels"]) == 2
+    said = " ".join(capsys.readouterr().err.replace("│", " ").split())
+    assert (
+        "'what': vehicles, parts, effects, methods or channels is needed, got 'vehicels'. Did you mean 'vehicles'?"
+        in said
+    )
+    assert "Value error" not in said
     assert main(["nonsense"]) == 2
     assert "Usage" in capsys.readouterr().err
 

@@ -122,6 +122,23 @@ def test_a_diagnosis_to_repeat_that_is_not_there_is_named(log, tmp_path, capsys)
     assert f"There is no file {missing}. Give the diagnosis.json that" in " ".join(capsys.readouterr().err.split())
 
 
+def test_a_page_given_as_the_diagnosis_to_repeat_is_said_to_be_none(log, tmp_path, capsys):
+    path, page = tmp_path / "log.csv", tmp_path / "report.html"
+    write_csv(path, columns_of(log))
+    page.write_text("<html></html>")
+    assert run(path, tmp_path / "out", "--again", str(page)) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "is no diagnosis.json, since it does not hold JSON. Give the diagnosis.json that" in said
+
+
+def test_a_vehicle_without_a_part_with_a_command_is_refused(log, tmp_path, capsys):
+    path, vehicle = tmp_path / "log.csv", tmp_path / "bare.toml"
+    write_csv(path, columns_of(log))
+    vehicle.write_text('family = "body"\nname = "bare"\n[hull]\nmass = { value = 52, unit = "kg" }\n')
+    assert run(path, tmp_path / "out", vehicle=str(vehicle)) == 1
+    assert "bare.toml has no part with a command" in " ".join(capsys.readouterr().err.split())
+
+
 def test_a_gap_may_be_cut_out_instead(log, tmp_path, capsys):
     heading = np.r_[log["heading_rad"]]
     heading[70:80] = np.nan
@@ -147,6 +164,14 @@ def test_a_clock_that_was_set_back_cuts_the_log(log, tmp_path, capsys):
     path = write_csv(tmp_path / "back.csv", columns_of(log, time_s=time))
     assert run(path, tmp_path / "out", "--window", "90") == 0
     assert "The clock went back once; the record is cut there." in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_log_is_not_resampled_to_far_more_samples_than_it_has(log, tmp_path, capsys):
+    path = tmp_path / "log.csv"
+    write_csv(path, columns_of(log))
+    assert run(path, tmp_path / "out", "--resample", "0.01") == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "--resample 0.01 is far below the log's own interval of 4 s, and resampling adds no information" in said
 
 
 def test_windows_shorter_than_two_samples_are_refused(log, tmp_path, capsys):
@@ -211,7 +236,7 @@ def test_what_is_remarkable_in_a_log_is_said_once_and_before_the_search(tmp_path
         assert said.count(words) == 1
 
 
-def test_a_log_in_degrees_ends_with_the_command_that_shows_it(tmp_path, capsys):
+def test_a_log_in_degrees_is_doubted_and_ends_with_the_mapping_that_mends_it(tmp_path, capsys):
     pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
     record = closed_loop(load_vehicle("slocum"), rng=np.random.default_rng(3), duration=600.0)
     wrong = record.with_channels({name: np.degrees(record[name]) for name in ("heading_rad", "rudder_rad")})
@@ -219,7 +244,8 @@ def test_a_log_in_degrees_ends_with_the_command_that_shows_it(tmp_path, capsys):
     code = main(["diagnose", str(tmp_path / "log.nc"), "--vehicle", "slocum", "--out", str(tmp_path / "out")])
     assert code == 0
     told = " ".join(capsys.readouterr().out.split())
-    assert f"Next: auv-gym look {tmp_path / 'log.nc'} (this compares the log with all vehicles" in told
+    assert "Something is wrong with the log: rudder_rad and heading_rad look like degrees, not rad." in told
+    assert 'Next: write into names.toml: "rudder_rad" = "rudder_deg" and "heading_rad" = "heading_deg"; then' in told
 
 
 def test_the_table_of_errors_has_each_stage_under_its_own_name():

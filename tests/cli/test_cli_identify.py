@@ -107,6 +107,8 @@ def test_bad_input_is_refused_in_words(folder, tmp_path, capsys):
         ("identify", train, "--method", "arx", "--out", out): "arx needs inputs",
         ("identify", train, *arx, "--set", "na=3"): "Did you mean 'n_a'",
         ("identify", train, *arx, "--set", "n_a"): "KEY=VALUE",
+        ("identify", train, *arx, "--set", "foo=2"): "n_a (a whole number, a list of whole numbers or a list of lists",
+        ("identify", train, *arx, "--set", "n_a=x"): "cannot take n_a = 'x': give a whole number, a list of",
         ("identify", train, *arx, "--free", "hull.n_r"): "no setting 'free'",
         ("identify", train, "--method", "arx", "--out", tmp_path / "m.toml", *CHANNELS): "ends in .npz",
         ("identify", train, "--method", "arx", "--out", tmp_path / "no" / "m.npz", *CHANNELS): "create it first",

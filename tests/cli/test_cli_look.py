@@ -85,6 +85,7 @@ def test_it_draws_a_picture(log, tmp_path, capsys, ending):
         (["--vehicle", "sloccum"], "Did you mean 'slocum'"),
         (["--picture", "log.gif"], "written as .png, .svg or .pdf"),
         (["--mapping", "none.toml"], "Cannot read the mapping"),
+        (["--picture", "no/a.png"], "--picture names the folder no, which does not exist: create it first."),
         (["--mapping-out", "log.csv/names.toml"], "Cannot write into log.csv: it is a file. Give another folder."),
     ],
 )
@@ -203,6 +204,14 @@ def test_dates_of_which_the_order_is_not_known_are_to_be_written_anew(tmp_path, 
         assert text.endswith(" ".join([f"as it says above, then auv-gym look {path}", *options]))
 
 
+def test_times_with_and_without_a_zone_are_to_be_written_anew(tmp_path, capsys):
+    path = tmp_path / "log.csv"
+    rows = (f"2024-03-10T08:00:{k:02d}{'Z' * (k % 2)},{k}\n" for k in range(50))
+    path.write_text("time,heading_deg\n" + "".join(rows))
+    assert main(["look", str(path)]) == 0
+    assert f"Next: write the dates in the file as it says above, then auv-gym look {path}" in said(capsys)
+
+
 def test_a_log_with_too_few_windows_is_not_to_be_diagnosed_alone(tmp_path, capsys):
     for rows, step in ((39, 4.0), (200, 4000.0)):
         k = np.arange(rows)
@@ -296,6 +305,25 @@ def dive_log(path, **changes):
     return write(path, columns | {name: change(columns) for name, change in changes.items()})
 
 
+def test_a_channel_that_a_vehicle_needs_costs_samples_as_in_a_diagnosis(tmp_path, capsys):
+    path = tmp_path / "log.csv"
+    glider_log(path)
+    lines = path.read_text().splitlines()
+    where = lines[0].split(",").index("rudder_rad")
+    for row in range(len(lines) // 3, len(lines)):
+        cells = lines[row].split(",")
+        cells[where] = "NaN"
+        lines[row] = ",".join(cells)
+    path.write_text("\n".join(lines) + "\n")
+    assert main(["look", str(path), "--vehicle", "slocum"]) == 0
+    text = said(capsys)
+    assert "nothing requires it" not in text
+    assert "samples (67 %) were dropped, where rudder_rad had no value" in text
+    assert "slocum none" in text
+    assert main(["look", str(path)]) == 0
+    assert "nothing requires it" not in said(capsys)
+
+
 def test_a_vehicle_that_has_no_use_for_the_motion_in_a_log_comes_later(tmp_path, capsys):
     log = dive_log(tmp_path / "log.csv", heading_rad=lambda c: 0.001 * c["time_s"])
     log.write_text(log.read_text().replace("buoyancy_volume_m3", "oil volume (m3)"))
@@ -322,7 +350,7 @@ def test_channels_that_are_only_kept_are_marked_and_rules_numbered_as_in_the_doc
     assert "STW (kn) stw_mps * 3 100" in text
     assert "Temp (degC) temperature_C * 3 100" in text
     assert "Rule 1: your mapping (1 column) Rule 3: " in text
-    assert "* Kept in the record, but no input or output of slocum." in text
+    assert "* Kept in the record, but not an input or output of slocum." in text
     assert main(["look", str(log), "--mapping", str(names)]) == 0
     text = said(capsys)
     assert "Prop (RPM) propeller_rpm 3 100" in text  # of an AUV

@@ -56,7 +56,12 @@ def test_settings_take_the_types_of_their_fields():
     "name, settings, given, words",
     [
         ("arxx", {}, {}, r"Did you mean 'arx' or 'armax'\? Methods: grey_box, arx"),
-        ("arx", {"na": 2}, {"inputs": INPUTS, "outputs": OUTPUTS}, r"no setting 'na'.*Did you mean 'n_a'.*n_b \(int"),
+        (
+            "arx",
+            {"na": 2},
+            {"inputs": INPUTS, "outputs": OUTPUTS},
+            r"no setting 'na'.*Did you mean 'n_a'.*n_b \(a whole number",
+        ),
         ("arx", {"n_a": "two"}, {"inputs": INPUTS, "outputs": OUTPUTS}, r"cannot take n_a = 'two'"),
         ("arx", {"n_a": 2.5}, {"inputs": INPUTS, "outputs": OUTPUTS}, r"cannot take n_a = 2\.5"),
         ("arx", {}, {"outputs": OUTPUTS}, r"arx needs inputs: give channel names"),

@@ -8,6 +8,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
+from auv_gym.records.first_look import look_at, mapping_text
 from auv_gym.records.reading import read_record
 
 BEGIN = datetime(2024, 3, 10, 23, 59, 40, tzinfo=UTC)
@@ -127,7 +128,7 @@ def test_a_log_that_runs_backwards_is_turned_round(tmp_path):
     record = read_record(path)
     assert record.time == pytest.approx(TIME)
     assert np.degrees(record["heading_rad"]) == pytest.approx(HEADING)
-    assert "The rows run backwards in time and were turned round." in record.notes
+    assert "The rows run backwards in time and were reversed." in record.notes
 
 
 def test_rows_with_dates_in_no_order_are_sorted(tmp_path):
@@ -138,3 +139,17 @@ def test_rows_with_dates_in_no_order_are_sorted(tmp_path):
     assert record.time == pytest.approx(TIME)
     assert np.degrees(record["heading_rad"]) == pytest.approx(HEADING)
     assert "The rows were in no order and were sorted by their dates." in record.notes
+
+
+def test_times_of_which_some_state_a_zone_are_refused(tmp_path):
+    times = [t + ("+02:00" if k % 2 else "") for k, t in enumerate(moments("%Y-%m-%dT%H:%M:%S"))]
+    with pytest.raises(ValueError, match=r"with a zone, such as '2024.*\+02:00', and without one, such as '2024"):
+        read_record(write(tmp_path / "log.csv", "time", times))
+
+
+def test_the_dates_beside_times_of_day_are_not_said_to_be_left_out(tmp_path):
+    path = write(tmp_path / "log.csv", "date,time", moments("%Y-%m-%d,%H:%M:%S.%f"))
+    assert not any("date" in note for note in read_record(path).notes)
+    found = look_at(path)
+    assert "date" not in {signal.column for signal in found.signals}
+    assert "date" not in mapping_text(found)

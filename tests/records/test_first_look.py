@@ -228,3 +228,41 @@ def test_a_depth_that_jumps_and_returns_at_once_is_doubted(tmp_path):
     (doubt,) = look_at(write(tmp_path / "log.csv", {"time_s": T, "depth_m": spiked})).doubts
     assert doubt.startswith("depth_m has 2 readings that jump by up to 38.9 m and back (the first at 60 s).")
     assert look_at(write(tmp_path / "log.csv", {"time_s": T, "depth_m": yo})).doubts == ()
+
+
+@pytest.mark.parametrize("form", ["Thr{} %", "Thr{} (%)", "Thruster{} [%]", "thruster_{}_pct", "Thruster {} (%)"])
+def test_thrusters_in_percent_are_known_by_their_number(tmp_path, form):
+    k = np.arange(40.0)
+    columns = {"time_s": k, form.format(1): 40.0 * np.sin(k), form.format(2): 20.0 * np.cos(k)}
+    path = tmp_path / "log.csv"
+    np.savetxt(path, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments="")
+    record = look_at(path).record
+    assert record is not None
+    assert record["t2_pct"] == pytest.approx(20.0 * np.cos(k))
+    assert record.has("t1_pct")
+
+
+@pytest.mark.parametrize(
+    "column, channel",
+    [
+        ("Press_dbar", "pressure_dbar"),
+        ("Northing (m)", "north_m"),
+        ("Gyro X [deg/s]", "p_radps"),
+        ("gyrz_radps", "r_radps"),
+        ("Rud_deg", "rudder_rad"),
+    ],
+)
+def test_a_common_name_with_its_unit_is_recognised(tmp_path, column, channel):
+    path = tmp_path / "log.csv"
+    path.write_text(f"time_s,{column}\n" + "".join(f"{k},{0.1 * k}\n" for k in range(40)))
+    record = look_at(path).record
+    assert record is not None
+    assert record.has(channel)
+
+
+def test_a_mapping_also_guesses_what_a_vehicle_can_use(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("time_s,Gyro X,DVL fwd\n" + "".join(f"{k},{0.1 * k},{0.2 * k}\n" for k in range(40)))
+    text = mapping_text(look_at(path), [Needs((), ("p_radps", "u_dvl_mps"))])
+    assert '# "Gyro X" = "p_radps"' in text
+    assert '# "DVL fwd" = "u_dvl_mps"' in text

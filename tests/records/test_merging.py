@@ -158,7 +158,7 @@ def test_late_rows_are_sorted_in_and_reported():
     assert s.time.tolist() == sorted(time)
     assert s.values["depth_m"].tolist() == sorted(time)
     assert s.part.max() == 0
-    assert notes == ["1 row came late or out of order and was sorted in."]
+    assert notes == ["1 row came late or out of order and was sorted into place."]
 
 
 @given(seed=st.integers(0, 999), jitter=st.floats(0.0, 0.45))

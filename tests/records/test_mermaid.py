@@ -169,7 +169,7 @@ def test_text_among_the_numbers_of_a_log_counts_as_missing(tmp_path):
     text = path.read_text(encoding="utf-8").replace("\ndive-0,240,50.0,", "\ndive-0,240,deep,")
     path.write_text(text, encoding="utf-8")
     record = read_record(path)
-    assert any("cells are no numbers ('deep' in row" in line for line in record.notes)
+    assert any("cells are not numbers ('deep' in row" in line for line in record.notes)
     assert np.isfinite(record["depth_m"]).all()
 
 

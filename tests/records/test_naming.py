@@ -17,6 +17,13 @@ from auv_gym.records.naming import candidates, looks_like
         ("time_s", ["Zeit", "TimeUS", "n"], "TimeUS"),
         ("heading_rad", ["hdg", "speed"], "hdg"),
         ("roll_rad", ["phi", "theta", "psi"], "phi"),
+        ("t2_share", ["Thr1", "Thr12", "Thr2"], "Thr2"),
+        ("t2_us", ["Motor 1", "Motor 2"], "Motor 2"),
+        ("t10_share", ["esc1", "esc10"], "esc10"),
+        ("t1_share", ["temp1", "Thruster_01 %"], "Thruster_01 %"),
+        ("u_dvl_mps", ["DVL stbd", "DVL fwd"], "DVL fwd"),
+        ("v_dvl_mps", ["dvl_x", "dvl_y"], "dvl_y"),
+        ("w_dvl_mps", ["BT vx", "BT vz"], "BT vz"),
     ],
 )
 def test_the_likeliest_column_comes_first(channel, columns, first):

@@ -135,7 +135,7 @@ def test_a_mapping_renames_converts_and_leaves_out(tmp_path):
         ("clock,depth_m\n0,1\n1,2\n", "no column time_s.*`clock` looks like `time_s`"),
         ("time,depth_m\n2020-06-25,1\nlater,2\n", "got 'later' at row 2"),
         ("time_s\n0\n1\n2\n", "No column of the log could be read as a channel besides its time"),
-        ("time_s,depth_ft\n0,1\n1,2\n", "depth_ft: left out, since its unit is not known"),
+        ("time_s,depth_fathom\n0,1\n1,2\n", "depth_fathom: left out, since its unit is not known"),
         ("time_s,heading\n0,1\n1,2\n", "heading: left out, since its unit is not known"),
         ("run,time_s,depth_m\n1,0,1\n,1,2\n1,2,3\n", "`segment` has no label at row 2"),
         ("time_s,depth_m\n0,1\n1,\n2,3\n\0", "(CSV .*), but its content is something else: it begins"),
@@ -178,8 +178,10 @@ def test_files_that_are_not_there_or_of_no_known_kind(tmp_path, log):
         read_record(tmp_path)
     with pytest.raises(ValueError, match=r"'\.xls', which is no known format"):
         read_record(write(tmp_path / "log.xls", "\0x"))
-    with pytest.raises(ValueError, match=r"no channel r_radps, which is needed; it has .*'heading_rad'"):
+    with pytest.raises(ValueError, match=r"no channel r_radps, which is needed; it has .*'heading_rad'.* Name it in a"):
         read_record(log, required=["r_radps"])
+    with pytest.raises(ValueError, match=r"no channels p_radps and q_radps, which are needed; .* Name them in a mapp"):
+        read_record(log, required=["p_radps", "q_radps"])
 
 
 def test_netcdf_variables_with_units(tmp_path):

@@ -21,7 +21,7 @@ def test_every_part_is_drawn_where_its_file_puts_it_or_named_as_not_drawn(name):
     for part in plant.family.body.parts:
         own, title = getattr(plant.parts, part.name), part.title
         if not part.found.sketch(own):
-            assert title in side.get_xlabel()
+            assert title in side.get_title(loc="right")
             continue
         assert title in named
         place = [getattr(own, key) for key in part.found.place]

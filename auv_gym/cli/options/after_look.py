@@ -17,7 +17,7 @@ _MANY_SAMPLES = 6000
 def next_command(matches: Matches, log: str, chosen: bool, mapping: Path | None, written: Path | None) -> str:
     """What to type next.  chosen: whether the reader named the one vehicle.  written: the mapping just written."""
     from auv_gym.cli.options.matching import to_type
-    from auv_gym.records.clocks import YEAR_FIRST
+    from auv_gym.records.clocks import ONE_ZONE, YEAR_FIRST
 
     found, best, file = matches.found, matches.ranked[0], quote(log)
     if found.is_profile:
@@ -27,7 +27,7 @@ def next_command(matches: Matches, log: str, chosen: bool, mapping: Path | None,
         )
     options = f" --vehicle {quote(best)}" if chosen else ""
     given = f" --mapping {quote(str(mapping))}" if mapping else ""
-    if found.problem.endswith(YEAR_FIRST):
+    if found.problem.endswith((YEAR_FIRST, ONE_ZONE)):
         return f"write the dates in the file as it says above, then auv-gym look {file}{options}{given}"
     if found.known is None and mapping is not None and written is None:
         return f"correct {quote(str(mapping))} as it says above, then auv-gym look {file}{options}{given}"
@@ -45,7 +45,8 @@ def next_command(matches: Matches, log: str, chosen: bool, mapping: Path | None,
             )
         command = f"{edited}, then auv-gym look {file} --vehicle {quote(name)} --mapping {quote(str(written))}"
     else:
-        command = f"auv-gym look {file} --vehicle {quote(name)}{given} --mapping-out names.toml"
+        new = "names.toml" if mapping is None or mapping.name != "names.toml" else "names_2.toml"
+        command = f"auv-gym look {file} --vehicle {quote(name)}{given} --mapping-out {new}"
     return ", ".join(filter(None, [command, where]))
 
 
@@ -102,7 +103,7 @@ def _next_diagnosis(matches: Matches, log: str, used: Path | None) -> str:
             f"--min-depth {cut:g} leaves out the surface, where the log begins, ends or comes up, and where actuators "
             "act differently"
         )
-    record = found.record
+    record = matches.own[fitting[0]].record
     usual = logs.interval_used(record.sample_interval, matches.plants[fitting[0]].dt) if record else 0.0
     steps = round(record.duration_s / usual) if record else 0
     thinned = _thinned(steps, usual)

@@ -22,14 +22,15 @@ ANY_LOG = (
     "Slocum, Seaglider or SeaExplorer file, or the example log slocum:ammonite."
 )
 FINER = 4  # times, beyond which a log is brought to the vehicle's step: filters take as long as a log has rows
+MOST_ADDED = 2  # times as many samples as the log has; the least interval of its signals may be this much shorter
 _NO_UNIT = ": left out, since its unit is not known."  # as `auv_gym.records.reading` says it
 _FEW = 4  # columns without a unit that are named one by one
 _SHOWN = 12  # lines on what was left out; more are for `auv-gym look`
 
-Logs = Annotated[list[str], typer.Argument(help=f"{ANY_LOG} Several files are joined into one record.")]
+Logs = Annotated[list[str], typer.Argument(metavar="LOG", help=f"{ANY_LOG} Several files are joined into one record.")]
 _VEHICLE = "A preset (see `auv-gym list vehicles`) or a vehicle file (.toml)."
 Vehicle = Annotated[str, typer.Option(help=_VEHICLE)]
-VehicleArgument = Annotated[str, typer.Argument(help=_VEHICLE)]
+VehicleArgument = Annotated[str, typer.Argument(metavar="VEHICLE", help=_VEHICLE)]
 ColumnNames = Annotated[
     Path | None,
     typer.Option(
@@ -166,9 +167,11 @@ def thinned(record: Record, step: float) -> Record:
 def load_stated(vehicle: str, log: str) -> Plant:
     """A vehicle with the constants that a log states of it, which is said on stderr."""
     from auv_gym.plant import load_vehicle
+    from auv_gym.plant.record_check import check_commanded
     from auv_gym.plant.stated import as_stated
 
     plant, stated = as_stated(load_vehicle(vehicle), log)
+    check_commanded(plant, vehicle)
     if stated:
         names = ", ".join(path.removeprefix("hull.") for path in stated)
         _tell([f"vehicle constants taken from {log}: {names}."])
@@ -194,6 +197,12 @@ def read_cut(
     record = read_log(log, mapping, cache_dir, needs_of_plant(plant), cut_gaps, progress)
     record = between_depths(record, shallowest, deepest)
     if resample is not None:
+        own = record.sample_interval
+        if resample < own / MOST_ADDED:
+            raise ValueError(
+                f"--resample {resample:g} is far below the log's own interval of {own:.3g} s, and resampling adds no "
+                "information: give a longer interval, or leave it out."
+            )
         return record.resample(resample)
     found = thinned(record, plant.dt)
     _tell([line for line in found.notes if line not in record.notes])

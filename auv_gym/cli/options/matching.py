@@ -34,17 +34,21 @@ class Matches:
         return {name: load_vehicle(name) for name in self.needs}
 
     @cached_property
+    def own(self) -> dict[str, FirstLook]:
+        """The look at the log with the record that each vehicle gets."""
+        return {name: self.found.for_needs(needs) for name, needs in self.needs.items()}
+
+    @cached_property
     def turned(self) -> dict[str, dict[str, Target]]:
         """What becomes of the log's commands of thrusters that a vehicle takes in another unit, by vehicle, channel."""
         from auv_gym.plant.record_check import convertible_commands
 
-        channels = self.found.channels
-        return {name: convertible_commands(plant, channels) for name, plant in self.plants.items()}
+        return {name: convertible_commands(plant, self.own[name].channels) for name, plant in self.plants.items()}
 
     def missing(self, name: str) -> list[str]:
         """The channels that a vehicle needs and the log does not have, in any unit."""
         have = {target.name for target in self.turned[name].values()}
-        return [one for one in self.found.missing(self.needs[name]) if one not in have]
+        return [one for one in self.own[name].missing(self.needs[name]) if one not in have]
 
     @cached_property
     def offers(self) -> dict[str, dict[str, list[str]]]:
@@ -58,14 +62,14 @@ class Matches:
         """How many channels of the log a vehicle uses, those that are converted or serve for others among them."""
         from auv_gym.records.reading import command_for
 
-        need, have = self.needs[name], self.found.channels
+        need, have = self.needs[name], self.own[name].channels
         serving = sum(command_for(one) in have for one in set(need.required) - have)
         return len(have & {*need.required, *need.wanted}) + serving + len(self.turned[name])
 
     @cached_property
     def kept(self) -> set[str]:
         """The channels of the log that none of the vehicles uses."""
-        used = [{*self.found.uses(needs), *self.turned[name]} for name, needs in self.needs.items()]
+        used = [{*self.own[name].uses(needs), *self.turned[name]} for name, needs in self.needs.items()]
         return {signal.channel for signal in self.found.signals if signal.channel}.difference(*used)
 
     @cached_property
@@ -95,7 +99,7 @@ class Matches:
 
         from auv_gym.records.reading import command_for
 
-        record = self.found.record
+        record = self.own[name].record
         if record is None:
             return None
         serving = {one: command_for(one) for one in self.needs[name].required if not record.has(one)}
@@ -111,7 +115,8 @@ class Matches:
     @property
     def fits(self) -> bool:
         """Whether the best vehicles have all that they need."""
-        return self.found.record is not None and not self.found.missing(self.needs[self.best[0]])
+        best = self.best[0]
+        return self.found.record is not None and not self.own[best].missing(self.needs[best])
 
     @cached_property
     def refused(self) -> dict[str, str]:

@@ -17,13 +17,17 @@ from auv_gym.records.mapping import list_of
 from auv_gym.records.readers.opening import mapped
 
 _COMMENTS = (b"#", b"%")
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # the marks with which such a file begins
 _FILLED_IN = (-99999.0, -9999.0, -999.0)  # common placeholders for a missing value; a column may have several of them
 _MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
 _BRACKETED = re.compile(r".*\S\s*[\[(]\s*([^\[\]()]+?)\s*[\])]")  # Heading [deg], Depth (m)
+_HEAD = 4096  # bytes
 _COMMA = re.compile(r"\s*-?\d+,\d+(?:[eE][-+]?\d+)?\s*")
 
 
 def _recognises(path: Path, head: bytes) -> bool:
+    if head.startswith(_UTF_16):
+        return True
     return bool(head) and b"\0" not in head and not head.startswith((b"%PDF", b"PK\x03\x04", b"\x1f\x8b"))
 
 
@@ -31,9 +35,10 @@ def _read(path: Path, scope: Scope) -> Log:
     """The table in a text file; lines with # or % are comments, and a row of units may follow the header."""
     scope.progress(0.0, f"reading {path.name}")
     with closing(mapped(path)) as file:
-        if file.find(b"\0") >= 0:
+        wide = file[:2].startswith(_UTF_16)
+        if not wide and file.find(b"\0") >= 0:
             raise ValueError("The file is binary, or has binary parts, not text: copy it again, or export it as CSV.")
-        content = file[:].removeprefix(b"\xef\xbb\xbf")
+        content = _from_utf_16(file[:]) if wide else file[:].removeprefix(b"\xef\xbb\xbf")
     if content.startswith(_COMMENTS) or any(b"\n" + mark in content for mark in _COMMENTS):
         content = b"\n".join(line for line in content.split(b"\n") if not line.startswith(_COMMENTS))
     lines, ends = _first_lines(content)
@@ -46,8 +51,11 @@ def _read(path: Path, scope: Scope) -> Log:
             "export the log again."
         )
     delimiter = max(",;\t", key=lines[0].count)
+    if delimiter not in lines[0]:  # one column, or a title above the header
+        delimiter = max(",;\t", key=_text(content[:_HEAD]).count)
     header = _header(lines[0], delimiter)
     units = {name: bracketed[1] for name in header if (bracketed := _BRACKETED.fullmatch(name))}
+    units |= {name: "%" for name in header if name.endswith("%") and len(name) > 1}  # the one unit that is no word
     below = next(csv.reader(lines[1:2], delimiter=delimiter, skipinitialspace=True))
     with_units = _are_units(below, lines[2], delimiter)
     if with_units:
@@ -57,6 +65,13 @@ def _read(path: Path, scope: Scope) -> Log:
 
 
 CSV = Format("CSV or another table in text", (".csv", ".txt", ".tsv", ".dat", ".asc"), _recognises, _read, general=True)
+
+
+def _from_utf_16(content: bytes) -> bytes:
+    try:
+        return content.decode("utf-16").encode()
+    except UnicodeDecodeError as error:
+        raise ValueError(f"The file begins as UTF-16 but is not ({error.reason}): save it as UTF-8.") from None
 
 
 def numbers_or_text(cells: Iterable[str]) -> Column:
@@ -142,7 +157,7 @@ def _text(content: bytes) -> str:
 
 def _columns(rows: bytes, header: list[str], delimiter: str) -> tuple[dict[str, Column], list[str]]:
     """The columns by name, and a line for everything that was left out or changed."""
-    rows, notes = _whole_rows(rows, len(header), delimiter)
+    rows, notes = _whole_rows(rows, delimiter.join(header), len(header), delimiter)
     columns: dict[str, Column] = {}
     commas: list[str] = []
     for name, column in zip(header, _parsed(rows, len(header), delimiter), strict=True):
@@ -154,14 +169,15 @@ def _columns(rows: bytes, header: list[str], delimiter: str) -> tuple[dict[str, 
         columns[name], note = (column, []) if isinstance(column, np.ndarray) else _column(name, column)
         notes += note
     columns.pop(_END, None)
-    columns, filled_in = _without_filled_in(columns)
-    notes += filled_in
+    for clean in (_without_infinite, _without_filled_in):
+        columns, said = clean(columns)
+        notes += said
     if commas:
         notes.append(f"Decimal commas are read as points in {list_of(commas, most=3)}.")
     return columns, notes
 
 
-def _whole_rows(rows: bytes, cells: int, delimiter: str) -> tuple[bytes, list[str]]:
+def _whole_rows(rows: bytes, header: str, cells: int, delimiter: str) -> tuple[bytes, list[str]]:
     """The rows without an incomplete last one; raises if another row has too few or too many cells."""
     lines = rows.count(b"\n") + (not rows.endswith(b"\n"))
     if b'"' not in rows and b"\n\n" not in rows and rows.count(delimiter.encode()) == lines * (cells - 1):
@@ -172,6 +188,11 @@ def _whole_rows(rows: bytes, cells: int, delimiter: str) -> tuple[bytes, list[st
     if len(counts) == len(kept) > 1 and counts[-1] < cells:
         notes.append(f"The last row has {counts[-1]} of {cells} cells and is left out: the file is cut short.")
         del counts[-1], kept[-1]
+    if len(counts) == len(kept) and 2 * sum(count > cells for count in counts) > len(counts):
+        raise ValueError(
+            f"The first line, {header[:60]!r}, was taken as the header, but most rows have more cells: delete the "
+            "lines above the header, or begin them with #."
+        )
     for number, count in enumerate(counts):
         if count != cells:
             row = next(csv.reader([_text(kept[number])], delimiter=delimiter, skipinitialspace=True))
@@ -229,6 +250,18 @@ def _with_points(cells: list[str]) -> np.ndarray | None:
     return column if isinstance(column, np.ndarray) else None
 
 
+def _without_infinite(columns: dict[str, Column]) -> tuple[dict[str, Column], list[str]]:
+    """The columns with infinite values as missing; a line for each."""
+    result, notes = dict(columns), []
+    for name, column in columns.items():
+        here = np.isinf(column) if isinstance(column, np.ndarray) else np.zeros(0, dtype=bool)
+        if here.any():
+            result[name] = np.where(here, np.nan, column)
+            counted = f"{int(here.sum()):,} of {here.size:,} cells {'is' if here.sum() == 1 else 'are'} infinite"
+            notes.append(f"{name}: {counted} and {'counts' if here.sum() == 1 else 'count'} as missing.")
+    return result, notes
+
+
 def _without_filled_in(columns: dict[str, Column]) -> tuple[dict[str, Column], list[str]]:
     """The columns with placeholders such as -999 as missing, if all other values are far above; a line for each."""
     result, notes = dict(columns), []
@@ -263,5 +296,5 @@ def _column(name: str, cells: list[str]) -> tuple[Column, list[str]]:
             odd.append(row)
             if 2 * len(odd) >= len(filled):
                 return column, []
-    text = f"{len(odd)} of {len(cells)} cells are no numbers"
+    text = f"{len(odd)} of {len(cells)} cells are not numbers"
     return values, [f"{name}: {text} ({cells[odd[0]]!r} in row {odd[0] + 1}) and count as missing."]

@@ -51,22 +51,22 @@ def closed_loop(record: Record, stages: Mapping[str, Plant], name: str = "the lo
     plant = stages["given"]
     targets = targets_of(plant, record)
     wanted = ", ".join(map(set_point_of, _targets(plant)))
-    reason = "" if targets else f"The log has no set points{f' ({wanted})' if wanted else ''}."
+    reason = "" if targets else f"the log has no set points{f' ({wanted})' if wanted else ''}."
     controller = None
     if not reason:
         try:
             record = _steered_part(record, targets)
         except ValueError:  # no sample has all set points
-            reason = f"The log never has all of its set points ({wanted}) at once."
+            reason = f"the log never has all of its set points ({wanted}) at once."
     if not reason:
         try:
             controller = controller_for_channels(plant, targets)
         except ValueError as error:
-            reason = f"No autopilot is known for {plant.name}: {error}"
+            reason = f"no autopilot is known for {plant.name}: {error}"
     if controller is None:
         first = _targets(plant)[0] if _targets(plant) else plant.outputs[0]
-        nothing = dict.fromkeys(stages, np.nan)
-        return (ClosedLoop(first, channel(first).unit, np.nan, np.nan, np.nan, np.nan, nothing, reason),)
+        nothing, why = dict.fromkeys(stages, np.nan), f"The closed loop was not compared: {reason}"
+        return (ClosedLoop(first, channel(first).unit, np.nan, np.nan, np.nan, np.nan, nothing, why),)
     record = _beginning(record)
     told, runs = commands_at_log_samples(plant, controller, record, targets), {}
     for stage, model in stages.items():

@@ -92,7 +92,7 @@ class Habitat:
         if len(self.channels) > 1 and 1.0 - self.certain < self.level:
             share = self.channels[self.channel]
             most = "most" if share > MOST_OF_ERROR else f"the largest part ({100 * share:.0f} %)"
-            size += f", {most} of all remaining error"
+            size += f", which is {most} of the remaining error"
         text = "; ".join(s.words for s in self.found[:2])
         later = []
         if self.rhythm is not None and self.rhythm.p_value < self.level and self.rhythm.share > LEAST_POWER:

@@ -31,7 +31,7 @@ from identification.deciding import (
     SLIP_LEFT,
 )
 from identification.diagnosis.log.parts import excitation
-from identification.diagnosis.log.slips import Slip, possible_slips, undone
+from identification.diagnosis.log.slips import Slip, impossible_units, possible_slips, undone
 from identification.diagnosis.log.thruster_slips import likely_slips, thruster_slips
 from identification.fit.first_readings import RATES
 from identification.fit.residual import noise_floor
@@ -116,8 +116,12 @@ def log_doubts(record: Record, plant: Plant, windows: Sequence[slice], settle: f
     Each slip is undone in turn and the initial states and coefficients are fitted, the coefficients within `FACTOR` and
     without a change of sign.  Free runs are then compared with those of the record as declared, in the fitted half of
     the windows and in the other half.
+    Values that no vehicle can have are doubted first, and without any fit.
     settle: s, left out at the start of each window, for logs that begin in the middle of a manoeuvre.
     """
+    impossible = impossible_units(record, plant)
+    if impossible is not None:
+        return (Doubt(impossible.text, impossible.channels, np.inf, impossible.mend, impossible),)
     windows = windows or record.windows(plant.window)  # a log whose depth has the wrong sign has no window under water
     masks = [_excited(record, plant, part, settle) for part in held_out(plant, record, windows)]
     if not all(mask.any() for mask in masks):

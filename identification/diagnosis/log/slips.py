@@ -13,6 +13,7 @@ from auv_gym.model import Diverged, simulate
 from auv_gym.param import value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
+from auv_gym.records.suspicions import beyond_possible, is_folded, unit_instead
 
 KNOT = 1852.0 / 3600.0  # m/s
 _TURNED = (  # channels that are often logged with the opposite sign
@@ -58,6 +59,7 @@ _UNITS = {  # by unit of a channel: the factors for values logged in another uni
     "m3": ((1e-6, "millilitres"), (1e-3, "litres")),
     "V": ((1e-3, "millivolts"),),
 }
+_UNWRAPPED = ("heading_rad", "roll_rad")  # by records, so that they may leave the circle
 _FOLDED = 1.0  # RMS of steps; randomly wrapped steps have pi / sqrt(3)
 _CLOCKS = ((2.0, "half"), (0.5, "twice"))
 
@@ -90,6 +92,46 @@ def possible_slips(record: Record, plant: Plant) -> tuple[Slip, ...]:
     """The slips that can have happened to a record of this plant, in the channels that the plant uses."""
     used = {name for name in (*plant.inputs, *plant.outputs, "depth_m", "pitch_rad") if record.has(name)}
     return (*_signs(used, plant), *_units(used), *_exchanges(used), *_clocks())
+
+
+def impossible_units(record: Record, plant: Plant) -> Slip | None:
+    """The slip of units that makes possible what no vehicle can do, such as a pitch of 20 rad; None without one.
+
+    It judges by the ranges that a first look at a log uses, and needs no simulation: several channels may be wrong at
+    once.  The angles that a record unwraps are judged only beside others: a heading may count many turns.
+    """
+    found: dict[str, tuple[float, str]] = {}
+    for name in (*plant.inputs, *plant.outputs, "depth_m", "pitch_rad"):
+        if record.has(name) and name not in _UNWRAPPED:
+            values = record[name][np.isfinite(record[name])]
+            if name == "depth_m" and values.size and np.median(values) < 0.0:  # its sign may be wrong instead
+                continue
+            unit = unit_instead(name, values) if values.size and beyond_possible(name, values) else None
+            if unit is not None:
+                found[name] = unit[:2]
+    if not found:
+        return None
+    degrees_of = next((unit for name, unit in found.items() if channel(name).unit == "rad"), None)
+    if degrees_of is not None:
+        turned = {
+            "heading_rad": lambda: is_folded(record, "heading_rad") or beyond_possible("heading_rad", _firsts(record)),
+            "roll_rad": lambda: "pitch_rad" in found and beyond_possible("pitch_rad", record["roll_rad"]),
+        }
+        found |= {name: degrees_of for name, wrong in turned.items() if record.has(name) and wrong()}
+    units = dict.fromkeys(found.values())
+    texts, mends = [], []
+    for factor, unit in units:
+        names = [name for name, own in found.items() if own == (factor, unit)]
+        looks = "looks" if len(names) == 1 else "look"
+        texts.append(f"{_words(names)} {looks} like {unit}, not {channel(names[0]).unit}")
+        mends.append(f"multiply {_words(names)} by {factor:.6g}")
+    factors = tuple(factor for factor, _ in found.values())
+    return Slip("; ".join(texts), "; ".join(mends), tuple(found), factors)
+
+
+def _firsts(record: Record) -> np.ndarray:
+    """The first heading of each segment, which is as it was logged."""
+    return np.array([record["heading_rad"][part.start] for part in record.segments])
 
 
 def undone(record: Record, slip: Slip, plant: Plant) -> Record:

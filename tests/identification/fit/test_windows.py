@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from auv_gym.param import replace_at, value_at
-from auv_gym.plant import load_vehicle
+from auv_gym.plant import load_vehicle, vehicle_of_text
+from auv_gym.plant.record_check import check_excitation
 from auv_gym.records.record import Record
 from identification.experiments.float_dives import depth_control, oil_mission
 from identification.fit.windows import LEAST_SAMPLES, free_run_windows, held_out
@@ -176,3 +177,13 @@ def test_a_play_is_taken_up_before_windows_begin():
     assert free_run_windows(plant, record, 40.0)[0].start == 40
     still = Record.from_arrays(time, {"heading_rad": 0.0 * time, "rudder_rad": 0.1 * rudder})  # play not taken up
     assert free_run_windows(plant, still, 40.0)[0].start == 5  # only the settling time
+
+
+def test_a_vehicle_without_a_command_has_windows_and_is_refused_in_words():
+    text = 'family = "body"\nname = "bare"\n[hull]\nmass = { value = 52, unit = "kg" }\n'
+    plant = vehicle_of_text(text, "bare.toml")
+    time = np.arange(0.0, 100.0, 0.5)
+    record = Record.from_arrays(time, {"u_mps": np.sin(time), "depth_m": np.cos(time)})
+    assert free_run_windows(plant, record, 20.0)
+    with pytest.raises(ValueError, match="bare has no part with a command, such as a fin or a thruster"):
+        check_excitation(plant, record)

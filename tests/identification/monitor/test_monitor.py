@@ -84,7 +84,7 @@ def test_a_clean_log_has_no_alarm_and_steps_are_those_of_a_replay(slocum, clean)
     found = watch(monitor, other)
     assert found.alarms == ()
     assert watched_summary(found) == [
-        "The monitor takes the vehicle in the clean log (1.1 h) for healthy.",
+        "The monitor assumes that the vehicle in the clean log (1.1 h) was healthy.",
         "No alarm was raised in 0.56 h, with the false-alarm rate set to 0.01 per hour.",
     ]
     again = Monitor(monitor.learned, 0.01)
@@ -146,7 +146,8 @@ def test_a_clean_log_with_a_fault_is_said_to_have_one(slocum):
     monitor = Monitor.learn(closed_loop(bent, rng=np.random.default_rng(0), duration=1200.0), slocum)
     assert "effects.rudder.offset" in monitor.learned.missing
     told = learned_words(Watched(monitor, "last_week.csv", 1.0, (), np.arange(2.0), np.ones(2)))
-    assert told.startswith("The monitor takes the vehicle in last_week.csv (0.33 h) for healthy. But that log itself")
+    assumed = "The monitor assumes that the vehicle in last_week.csv (0.33 h) was healthy."
+    assert told.startswith(f"{assumed} But that log itself")
     assert "rudder offset" in told
     straight = Monitor.learn(closed_loop(slocum, rng=np.random.default_rng(0), duration=1200.0), slocum)
     assert straight.learned.missing == ()

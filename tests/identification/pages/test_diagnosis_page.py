@@ -29,7 +29,7 @@ from identification.fit.noises import Noise
 from identification.fit.validation import FreeRuns
 from identification.pages import diagnosis_figures as figures
 from identification.pages.diagnosis_page import MEANINGS, diagnosis_page
-from identification.pages.drawing import new_figure, svg
+from identification.pages.drawing import nearest_turns, new_figure, svg
 from identification.pages.page import amount, number, span
 from tests.identification.outline import Outline
 
@@ -416,6 +416,21 @@ def test_segments_that_start_their_clock_again_are_drawn_one_after_another():
     assert list(clock.cuts) == [25]
     assert np.all(np.diff(clock.times) > 0.0)
     assert "one after another" in clock.label
+
+
+def test_set_points_are_drawn_within_half_a_turn_of_the_heading():
+    heading = np.array([0.1, 6.2, 10.0, np.nan])
+    command = np.array([0.2, -0.1, 10.0 - 4.0 * np.pi, 1.0])
+    np.testing.assert_allclose(nearest_turns(command, heading), [0.2, 2.0 * np.pi - 0.1, 10.0, 1.0])
+
+
+def test_candidates_that_were_not_fitted_are_folded_away(diagnosis, page):
+    unfitted = [[t.candidate.title for t in r.trials if t.state is None] for r in diagnosis.rounds]
+    assert any(unfitted)
+    candidates = page[page.index('id="candidates"') : page.index('id="effects"')]
+    folded = re.findall(r"<details><summary>(\d+) candidates? w.*?</details>", candidates, re.DOTALL)
+    assert [int(count) for count in folded] == [len(titles) for titles in unfitted if titles]
+    assert 'class="unseen"' not in re.sub(r"<details>.*?</details>", "", candidates, flags=re.DOTALL)
 
 
 def test_the_examples_are_the_worst_windows_and_a_typical_one(diagnosis):

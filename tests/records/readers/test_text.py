@@ -59,3 +59,43 @@ def test_of_text_without_numbers_it_is_asked_whether_it_is_a_log(tmp_path):
     path.write_text(text(",").replace("11.0,1.5", "11.0"))
     with pytest.raises(ValueError, match=r"Row 2 below the header has 2 cells, the header has 3\. Correct the line\.$"):
         read_record(path)
+
+
+@pytest.mark.parametrize(
+    "title, mark",
+    [
+        ("Vehicle: Foo", ","),
+        ("Vehicle: Foo", ";"),
+        ("Vehicle: Foo\nOperator: Bar, Baz\n", ","),
+        ("Vehicle,Foo", ","),
+    ],
+)
+def test_a_title_above_the_header_is_said_to_be_one(tmp_path, title, mark):
+    rows = [mark.join(row) for row in (("time_s", "depth_m", "u_mps"), *(3 * (str(k),) for k in range(20)))]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join([title, *rows]) + "\n")
+    first = title.partition("\n")[0]
+    with pytest.raises(
+        ValueError, match=f"The first line, '{first}', was taken as the header, but .* begin them with #"
+    ):
+        read_record(path)
+
+
+@pytest.mark.parametrize("form", ["utf-16", "utf-16-le", "utf-16-be"])
+def test_a_table_in_utf_16_is_read_as_one_in_utf_8(tmp_path, form):
+    text = "time_s,depth_m\n" + "".join(f"{k},{k}\n" for k in range(20))
+    mark = "" if form == "utf-16" else "\ufeff"
+    path = tmp_path / "log.csv"
+    path.write_bytes((mark + text).encode(form))
+    assert read_record(path)["depth_m"].tolist() == list(range(20))
+    path.write_bytes((mark + text).encode(form)[:-1])
+    with pytest.raises(ValueError, match="begins as UTF-16 but is not"):
+        read_record(path)
+
+
+def test_an_infinite_value_is_missing_and_this_is_said(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("time_s,depth_m\n" + "".join(f"{k},{'inf' if k == 5 else k}\n" for k in range(20)))
+    record = read_record(path)
+    assert record["depth_m"][5] == 5.0  # filled in
+    assert "depth_m: 1 of 20 cells is infinite and counts as missing." in record.notes

@@ -55,7 +55,7 @@ def _sketch(tether: Tether) -> tuple[Sketch, ...]:
 
 KIND = PartKind(
     name="tether",
-    title="tether: a pull, and the drag of what trails",
+    title="tether: its pull and its drag",
     parameters=Tether,
     effects=TetherEffects,
     order=70,

@@ -315,7 +315,7 @@ def _added(given: float, size: float) -> float:
 def _form(suffix: str, shape: Any, limits: Any, table: Any = _table, idle: float = 0.0) -> PartKind:
     return PartKind(
         name="thruster",
-        title="thruster where it sits",
+        title="thruster at a position",
         parameters=Thruster,
         effects=ThrusterEffects,
         order=40,
@@ -341,7 +341,7 @@ def _form(suffix: str, shape: Any, limits: Any, table: Any = _table, idle: float
 
 KIND = PartKind(
     name="thruster",
-    title="thruster where it sits",
+    title="thruster at a position",
     parameters=Thruster,
     effects=ThrusterEffects,
     order=40,

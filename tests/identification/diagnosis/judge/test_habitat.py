@@ -52,8 +52,8 @@ def test_errors_at_some_depths_are_found_there():
     assert low < 30.0 < 50.0 < high + 10.0
     assert found.found[0].error_share > 0.6 > 0.5 > found.found[0].sample_share
     assert re.match(
-        r"With starts fitted to whole windows, free runs still err by [\d.]+ deg RMS in heading, most of all "
-        r"remaining error: ",
+        r"With starts fitted to whole windows, free runs still err by [\d.]+ deg RMS in heading, which is "
+        r"most of the remaining error: ",
         found.summary(),
     )
     assert re.search(r"of samples with depth between [\d.]+ and [\d.]+ m[;.]", found.summary())

@@ -79,6 +79,13 @@ def test_effects_that_many_halves_of_the_log_do_not_choose_are_said():
     assert _halves_sentence(SimpleNamespace(added=(sure,))) == ""  # type: ignore[arg-type]
 
 
+def test_an_effect_that_only_changes_a_coefficient_is_told_with_the_given_value():
+    gain = AsCoefficient("hull.n_r", "yaw damping N_r (linear)", "1", 1.0, 0.8, (0.7, 0.9))
+    effect = Effect("effects.yaw.damping", "damping", 0.8, 1.0, "1", (0.7, 0.9), 50.0, 40.0, coefficient=gain)
+    assert effect.told == "yaw damping N_r of 0.8 instead of 1 (95 % interval 0.7 to 0.9, linear)"
+    assert effect.name == "change in yaw damping N_r (linear)"
+
+
 @pytest.mark.parametrize(
     "titles, words",
     [

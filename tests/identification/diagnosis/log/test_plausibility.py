@@ -12,7 +12,7 @@ from auv_gym.records.record import Record
 from identification.deciding import BAD, FACTOR, SLIP_GAIN
 from identification.diagnosis import diagnose
 from identification.diagnosis.log.plausibility import Match, _fitted, _possible, log_doubts
-from identification.diagnosis.log.slips import Slip, possible_slips, undone
+from identification.diagnosis.log.slips import Slip, impossible_units, possible_slips, undone
 from identification.diagnosis.log.thruster_slips import likely_slips, thruster_slips
 from identification.experiments.hovering import hover
 from identification.fit.shooting import Shooting
@@ -66,6 +66,28 @@ def test_a_slip_is_named_and_can_be_undone(logs, vehicle, text):
     for name in slip.channels:
         assert mended[name] == pytest.approx(record[name], abs=1e-9 * np.ptp(record[name]) + 1e-12)
     assert doubts(mended, plant) == ()
+
+
+def test_units_that_make_values_impossible_are_named_together_and_first(logs):
+    plant, record = logs["slocum"]
+    angles = ("rudder_rad", "pitch_rad", "heading_rad")
+    given = {name: np.degrees(record[name]) for name in angles} | {"u_mps": 100.0 * record["u_mps"]}
+    wrong = Record.from_arrays(record.time, {name: record[name] for name in record.names} | given)
+    (doubt,) = doubts(wrong, plant)
+    assert set(doubt.channels) == {*angles, "u_mps"}
+    assert doubt.firm
+    for words in ("look like degrees, not rad", "u_mps looks like centimetres per second, not m/s"):
+        assert words in doubt.text
+    mended = undone(wrong, doubt.slip, plant)
+    for name in ("rudder_rad", "u_mps"):  # the angles were unwrapped as radians
+        assert mended[name] == pytest.approx(record[name])
+
+
+def test_an_angle_that_counts_turns_is_no_slip_of_units(logs):
+    plant, record = logs["slocum"]
+    for shift in (10.0, 100.0):
+        turned = record.with_channels({"heading_rad": record["heading_rad"] + 2.0 * np.pi * shift})
+        assert impossible_units(turned, plant) is None
 
 
 @pytest.mark.slow
