@@ -1,11 +1,10 @@
-"""Figures of a diagnosis as inline SVG: the log, the model's runs over it, the residuals, the track.
+"""Figures of a diagnosis as inline SVG: the log, the model's runs over it, the growth of their errors, the track.
 
 Needs the extra `render`. A function takes a Diagnosis and returns a matplotlib Figure; `svg` turns that into text.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Collection
 from itertools import pairwise
 from textwrap import fill
@@ -17,19 +16,17 @@ from auv_gym.channels import channel
 from auv_gym.records.record import Record
 from identification.diagnosis.judge.result import Stage
 from identification.diagnosis.judge.verdict import Diagnosis
-from identification.fit.validation import FreeRuns, input_correlation
+from identification.fit.validation import FreeRuns
 from identification.pages import drawing
 from identification.pages.drawing import (
     AFTER,
     BEFORE,
     COMMAND,
-    INK,
     INPUT,
     MEASURED,
     POINTS,
     QUIET,
     Clock,
-    band,
     compass_ticks,
     downwards,
     grid,
@@ -40,7 +37,6 @@ from identification.pages.drawing import (
     quantity_label,
     shown_values,
     thinned,
-    unit_label,
     with_unit,
 )  # fmt: skip
 
@@ -50,8 +46,6 @@ if TYPE_CHECKING:
 GIVEN = "#9a8fb0"
 PART_SHADES, SETTLE_SHADE = ("#f7f3e8", "#dbe8f4"), "#ececec"  # alternating shades for the parts of a log
 CONTEXT = ("depth_m", "pitch_rad", "roll_rad", "u_mps", "w_mps", "altitude_m")
-CLEAR = 0.1  # correlation below which a signal is not worth a picture
-DOTS = 500  # in a scatter plot
 _TALL, _LOW = 36, 17  # characters that fit beside a panel of the close-up
 
 
@@ -71,7 +65,7 @@ def log_figure(d: Diagnosis) -> Figure:
     panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0]
     clock = Clock(record)
     for axes, name in zip(panels, [*outputs, *inputs, *context]):
-        _shade(axes, d, clock)
+        shade_windows(axes, d, clock)
         colour = MEASURED if name in outputs else INPUT if name in inputs else QUIET
         line(axes, clock.times, shown_values(name, record[name]), clock.cuts, color=colour, linewidth=1.0)
         axes.set_title(quantity_label(name), loc="left")
@@ -82,7 +76,7 @@ def log_figure(d: Diagnosis) -> Figure:
             _draw_commanded_heading(axes, record, clock)
             compass_ticks(axes)
     panels[-1].set_xlabel(clock.label)
-    figure.legend(handles=_window_patches(d), loc="outside upper left", ncols=2)
+    figure.legend(handles=window_patches(d), loc="outside upper left", ncols=2)
     return figure
 
 
@@ -112,7 +106,7 @@ def overview_figure(d: Diagnosis) -> Figure:
     spans = [*pairwise(edges), *[(edges[0], edges[-1])] * (len(names) - 1)]
     for number, (axes, span) in enumerate(zip(panels, spans)):
         name = names[max(number - strips + 1, 0)]
-        _shade(axes, d, clock, span)
+        shade_windows(axes, d, clock, span)
         _runs(axes, d, name, clock, span)
         axes.set_xlim(span)
         axes.locator_params(axis="y", nbins=5)
@@ -124,7 +118,7 @@ def overview_figure(d: Diagnosis) -> Figure:
     panels[-1].set_xlabel(clock.label)
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(
-        handles=[*handles, *_window_patches(d)], labels=[*labels, *_window_words(d)], loc="outside upper left", ncols=5
+        handles=[*handles, *window_patches(d)], labels=[*labels, *window_words(d)], loc="outside upper left", ncols=5
     )
     return figure
 
@@ -213,109 +207,6 @@ def track_figure(d: Diagnosis) -> Figure:
     return figure
 
 
-def residual_figure(d: Diagnosis) -> Figure:
-    """Measured minus model over time, before and after, from starts fitted to whole windows; one panel per output."""
-    names, clock = d.after.fitted.channels, Clock(d.record)
-    figure = new_figure(1.75 * len(names) + 0.7)
-    panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
-    for c, (axes, name) in enumerate(zip(panels, names)):
-        _shade(axes, d, clock)
-        for label, stage, look in series(d):
-            runs = stage.fitted
-            cuts = np.flatnonzero(np.diff(runs.window)) + 1
-            line(
-                axes,
-                clock.times[runs.rows],
-                shown_values(name, runs.residual[:, c]),
-                cuts,
-                label=label,
-                **{**look, "linewidth": 0.75 * look["linewidth"]},
-            )
-        axes.axhline(0.0, color=INK, linewidth=0.7)
-        axes.set_title(with_unit(f"residual of {d.after.fitted.label(name)}", name), loc="left")
-        axes.margins(x=0.0)
-    panels[-1].set_xlabel(clock.label)
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(
-        handles=[*handles, *_window_patches(d)], labels=[*labels, *_window_words(d)], loc="outside upper left", ncols=4
-    )
-    return figure
-
-
-def autocorrelation_figure(d: Diagnosis) -> Figure:
-    """Autocorrelation of the residual, per output, with the 95 % band of a white residual."""
-    names = d.after.fitted.channels
-    figure = new_figure(2.5 * ((len(names) + 1) // 2))
-    panels = grid(figure, len(names), 2)
-    for axes, name in zip(panels, names):
-        for (label, stage, look), shift in zip(series(d), (-0.2, 0.2)):
-            white = stage.whiteness[name]
-            lags = white.lags * d.record.sample_interval
-            width = 0.38 * d.record.sample_interval
-            shift = shift * d.record.sample_interval if len(series(d)) > 1 else 0.0
-            axes.bar(lags + shift, white.correlation, width=width, color=look["color"], zorder=2.0, label=label)
-        band(axes, lags, d.after.whiteness[name].bound)
-        axes.set_xlim(0.0, lags[-1] + d.record.sample_interval)
-        axes.axhline(0.0, color=INK, linewidth=0.7)
-        axes.set_ylim(-1.0, 1.0)
-        axes.set_title(f"autocorrelation, {d.after.fitted.label(name)}", loc="left")
-        axes.set_xlabel("lag, s")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=4)
-    return figure
-
-
-def input_correlation_figure(d: Diagnosis) -> Figure:
-    """Correlation of the least explained output's residual with each varying input, at positive and negative lags."""
-    runs, names = d.after.fitted, varying_inputs(d)
-    output = runs.channels.index(least_explained(d))
-    figure = new_figure(2.35 * ((len(names) + 1) // 2) + 0.3)
-    panels = grid(figure, len(names), 2)
-    for axes, name in zip(panels, names):
-        for label, stage, look in series(d):
-            residual, signal = stage.fitted.residual[:, output], d.record[name][runs.rows]
-            lags, values, bound = input_correlation(residual, signal, runs.window)
-            seconds = lags * d.record.sample_interval
-            axes.plot(seconds, values, marker=".", label=label, **look)
-        band(axes, seconds, bound)
-        axes.axhline(0.0, color=INK, linewidth=0.7)
-        axes.axvline(0.0, color=INK, linewidth=0.7, linestyle=":")
-        axes.set_xlim(seconds[0], seconds[-1])
-        axes.set_title(f"correlation with {channel(name).label}", loc="left")
-        axes.set_xlabel("lag, s (right of 0: the input leads)")
-    low = min(axes.get_ylim()[0] for axes in panels)
-    high = max(axes.get_ylim()[1] for axes in panels)
-    for axes in panels:
-        axes.set_ylim(min(low, -0.2), max(high, 0.2))
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=4)
-    return figure
-
-
-def correlate_figure(d: Diagnosis) -> Figure:
-    """Rate of an output's residual against the signal that it correlates with most, with its trend."""
-    names = correlated_outputs(d)
-    figure = new_figure(2.8 * ((len(names) + 1) // 2))
-    panels = grid(figure, len(names), 2)
-    for axes, name in zip(panels, names):
-        label, value = next(iter(d.remains[name]["rate_correlates_with"].items()))
-        signal, rate = _rate_against(d, name, label)
-        step = max(signal.size // DOTS, 1)
-        axes.plot(
-            signal[::step], rate[::step], ".", color=AFTER, alpha=0.4, markersize=6, markeredgewidth=0, label="sample"
-        )
-        order = np.array_split(np.argsort(signal), min(10, max(signal.size // 10, 1)))
-        axes.plot(
-            [signal[k].mean() for k in order], [rate[k].mean() for k in order],
-            "o-", color=INK, markersize=4, linewidth=1.4, label="mean of each tenth",
-        )  # fmt: skip
-        axes.axhline(0.0, color=INK, linewidth=0.7)
-        spread = np.quantile(np.abs(rate), 0.995)
-        axes.set_ylim(-1.15 * spread, 1.15 * spread)
-        axes.set_title(f"rate of the residual of {d.after.fitted.label(name)}, {_rate_unit(name)}", loc="left")
-        axes.set_xlabel(f"{signal_label(label)} (correlation {value:+.2f})")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
-    return figure
-
-
 def example_windows(d: Diagnosis) -> list[tuple[str, int]]:
     """Two or three different windows, chosen by unseen runs: their titles and numbers among all windows."""
     output = d.after.unseen.channels.index(most_improved(d))
@@ -346,19 +237,6 @@ def most_improved(d: Diagnosis) -> str:
     return max(names, key=lambda name: d.before.scores[name].rmse / max(d.after.scores[name].rmse, 1e-12))
 
 
-def least_explained(d: Diagnosis) -> str:
-    """The output with the largest residual relative to its noise floor."""
-    return max(d.after.fitted.channels, key=lambda name: d.remains[name]["rms"] / d.remains[name]["noise_floor"])
-
-
-def correlated_outputs(d: Diagnosis) -> list[str]:
-    """The outputs whose residual correlates with a logged signal, or else the one that does so most, if any."""
-    found = {n: abs(next(iter(r["rate_correlates_with"].values()), 0.0)) for n, r in d.remains.items()}
-    clear = [n for n, size in found.items() if size > CLEAR]
-    strongest = max(found, key=lambda n: found[n])
-    return clear or ([strongest] if found[strongest] > 0.0 else [])
-
-
 def error_growth(runs: FreeRuns, record: Record, window: float, output: int) -> tuple[np.ndarray, np.ndarray]:
     """Time since the window's start, s, and RMS residual of an output around that time, both (bins,)."""
     time = record.time[runs.rows]
@@ -383,19 +261,6 @@ def series(d: Diagnosis) -> list[tuple[str, Stage, dict[str, Any]]]:
         first = "model as given" if d.before is d.given else "model before"
         return [(first, d.before, before), ("model after", d.after, after)]
     return [("refitted model", d.after, after)]
-
-
-def varying_inputs(d: Diagnosis) -> list[str]:
-    """The inputs of the vehicle that the record holds and that move in its windows."""
-    rows = d.after.fitted.rows
-    return [n for n in d.given.plant.inputs if d.record.has(n) and np.ptp(d.record[n][rows]) > 0.0]
-
-
-def signal_label(label: str) -> str:
-    """The words for a signal of `remains`: a channel, or its sine or cosine."""
-    found = re.fullmatch(r"(sin|cos)\((\w+)\)", label)
-    words = {"sin": "sine", "cos": "cosine"}
-    return f"{words[found[1]]} of {channel(found[2]).label}" if found else quantity_label(label)
 
 
 def _runs(axes, d: Diagnosis, name: str, clock: Clock, span: tuple[float, float]) -> None:
@@ -438,7 +303,7 @@ def _nearest_turn(name: str, model: np.ndarray, measured: np.ndarray) -> np.ndar
     return model - 2.0 * np.pi * np.round((model[0] - measured[0]) / (2.0 * np.pi))
 
 
-def _shade(axes, d: Diagnosis, clock: Clock, span: tuple[float, float] | None = None) -> None:
+def shade_windows(axes, d: Diagnosis, clock: Clock, span: tuple[float, float] | None = None) -> None:
     """Draw the windows as bands over the whole height, in shades that alternate by part."""
     low, high = span or (-np.inf, np.inf)
     for number, windows in enumerate(d.windows):
@@ -454,14 +319,14 @@ def _shade(axes, d: Diagnosis, clock: Clock, span: tuple[float, float] | None = 
         )
 
 
-def _window_words(d: Diagnosis) -> list[str]:
+def window_words(d: Diagnosis) -> list[str]:
     """The meaning of each shade: windows of parts 1, 3, 5 or of parts 2, 4, 6."""
     numbers = [str(k + 1) for k in range(len(d.windows))]
     return [f"windows of part{'s' * (len(own) > 1)} {', '.join(own)}" for own in (numbers[0::2], numbers[1::2]) if own]
 
 
-def _window_patches(d: Diagnosis) -> list:
-    words = _window_words(d)
+def window_patches(d: Diagnosis) -> list:
+    words = window_words(d)
     patches = [patch(shade) for shade in PART_SHADES[: len(words)]]
     for shade, text in zip(patches, words):
         shade.set_label(text)
@@ -473,23 +338,3 @@ def _window_errors(runs: FreeRuns, output: int) -> np.ndarray:
     keep = runs.scored & np.isfinite(runs.residual[:, output])
     squares = np.where(keep, runs.residual[:, output], 0.0) ** 2
     return np.sqrt(np.bincount(runs.window, squares) / np.maximum(np.bincount(runs.window, keep), 1))
-
-
-def _rate_against(d: Diagnosis, name: str, label: str) -> tuple[np.ndarray, np.ndarray]:
-    """A signal of `remains` and the rate of the residual per second, inside the windows, in units for display."""
-    runs = d.after.fitted
-    residual = runs.residual[:, runs.channels.index(name)]
-    rate = np.gradient(residual) / d.record.sample_interval
-    change = runs.window[1:] != runs.window[:-1]
-    inner = np.isfinite(rate) & ~(np.r_[True, change] | np.r_[change, True])
-    found = re.fullmatch(r"(sin|cos)\((\w+)\)", label)
-    other = found[2] if found else label
-    signal = d.record[other][runs.rows]
-    shown = {"sin": np.sin, "cos": np.cos}[found[1]](signal) if found else shown_values(other, signal)
-    inner &= np.isfinite(shown)
-    return shown[inner], shown_values(name, rate[inner])
-
-
-def _rate_unit(name: str) -> str:
-    unit = unit_label(name)
-    return f"{unit}²" if unit.endswith("/s") else "1/s" if unit == "1" else f"{unit}/s"

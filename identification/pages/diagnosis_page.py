@@ -23,7 +23,7 @@ from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import candidates_of
 from identification.diagnosis.wording import typeset
 from identification.experiments.kinds import KINDS
-from identification.pages import diagnosis_figures, habitat_figure
+from identification.pages import diagnosis_figures, habitat_figure, residual_figures
 from identification.pages.diagnosis_tables import (
     by_coefficient,
     coefficient_of,
@@ -86,7 +86,7 @@ PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
     ),
     (
         "residual",
-        diagnosis_figures.residual_figure,
+        residual_figures.residual_figure,
         "Residual of {first} and of all other outputs over time.",
         "The residual: measured minus model, with starts fitted to whole windows. Noise jumps from sample to sample; "
         "slow waves and slopes {slow}.",
@@ -100,13 +100,13 @@ PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
     ),
     (
         "autocorrelation",
-        diagnosis_figures.autocorrelation_figure,
+        residual_figures.autocorrelation_figure,
         "Autocorrelation of the residual with the 95 % band of noise.",
         "Autocorrelation of the residual. Bars inside the grey band are compatible with white noise.",
     ),
     (
         "inputs",
-        diagnosis_figures.input_correlation_figure,
+        residual_figures.input_correlation_figure,
         "Correlation of the residual of {left} with each input at positive and negative lags.",
         "Correlation of the residual of {left} with the inputs. A clear peak right of zero points to a response to "
         "that input that the model does not have. A peak left of zero is due to feedback: the controller reacts to "
@@ -114,7 +114,7 @@ PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
     ),
     (
         "correlate",
-        diagnosis_figures.correlate_figure,
+        residual_figures.correlate_figure,
         "Scatter of the residual's rate against the signal it correlates with most.",
         "The rate of change of the residual against the logged signal that it correlates with most. A slope or bend in "
         "the black line points to a cause; a flat line does not.",
@@ -211,15 +211,15 @@ def _figures(d: Diagnosis, extras: Extras) -> dict[str, Drawing | None]:
     words = {
         "first": channel(d.after.every.channels[0]).label,
         "improved": channel(diagnosis_figures.most_improved(d)).label,
-        "left": channel(diagnosis_figures.least_explained(d)).label,
+        "left": channel(residual_figures.least_explained(d)).label,
         "input": channel((*d.given.plant.family.required, *d.given.plant.inputs)[0]).label,
         "model": "before and after the diagnosis" if d.changed else "with its coefficients refitted",
         "slow": _slow_words(d),
     }
     missing = {
         "track": not {"north_m", "east_m"} <= set(d.after.unseen.channels),
-        "inputs": not diagnosis_figures.varying_inputs(d),
-        "correlate": not diagnosis_figures.correlated_outputs(d),
+        "inputs": not residual_figures.varying_inputs(d),
+        "correlate": not residual_figures.correlated_outputs(d),
         "habitat": d.habitat is None or not d.habitat.shares,
     }
     made: dict[str, Drawing | None] = {}
@@ -366,10 +366,10 @@ def _remains(d: Diagnosis) -> list[tuple[str, str]]:
         text += "so the residual is not white. " if coloured else "and the residual is compatible with white noise. "
         strongest = next(iter(r["rate_correlates_with"].items()), None)
         if strongest:
-            size, signal = abs(strongest[1]), diagnosis_figures.signal_label(strongest[0]).partition(",")[0]
+            size, signal = abs(strongest[1]), residual_figures.signal_label(strongest[0]).partition(",")[0]
             words = "strongly" if size > 0.6 else "moderately" if size > 0.3 else "weakly"
             value = f"correlation {number(strongest[1], 2, sign=True)}"
-            if size > diagnosis_figures.CLEAR:
+            if size > residual_figures.CLEAR:
                 text += f"Of all logged signals, its rate of change correlates most with {signal}, {words} ({value})."
             else:
                 text += f"Its rate of change hardly correlates with any logged signal (most with {signal}: {value})."
