@@ -91,7 +91,7 @@ def test_a_size_that_surely_differs_but_hardly_does_not_vary():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", [0.03, 0.06])
+@pytest.mark.parametrize("size", [0.045, 0.06])
 def test_what_begins_half_way_and_random_accelerations_would_explain_is_said(size):
     plant = load_vehicle("slocum")
     found = diagnose(log_of(300.0, size=size), plant)
