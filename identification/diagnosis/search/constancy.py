@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from auv_gym.param import positions, replace_at, spec_at, value_at
 from auv_gym.records.record import Record
-from identification.deciding import BLOCKS, MOST_PARTS, SLIGHTLY, UNSTEADY
+from identification.deciding import BLOCKS, FEW_STATES, MOST_PARTS, SLIGHTLY, UNSTEADY
 from identification.diagnosis.log.parts import logs_in
 from identification.diagnosis.search.beside_noise import Weight, freedom_of
 from identification.diagnosis.search.candidates import Candidate, Screening, screen
@@ -23,7 +23,7 @@ from identification.fit.parameters import moves_of
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.sensitivities import TRIAL_GAIN
 
-_GROWS = "grows"  # the form of a change that grows evenly from the first block of the record to the last
+_GROWS = "grows"  # the form of a change that grows evenly along the record
 _SHARES = (1.0, 0.2)  # of the step by a regression, as starts of a fit: far from the log, the full step is too long
 
 
@@ -108,9 +108,11 @@ def _divisions(
     that the first sixth needs no change.
     """
     rows, courses, forms = bench.problem.rows, dict[str, Course](), dict[str, list[tuple[str, ...]]]()
-    sixths, blocks = _sixths(bench), np.unique(bench.block_of_row, return_index=True)[1]
-    if len(blocks) > 1:
-        courses[_GROWS] = Course(tuple(rows[blocks[1:]].tolist()), tuple(np.linspace(0.0, 1.0, len(blocks)).tolist()))
+    sixths = _sixths(bench)
+    # in many small steps, or if these take too long, as they do for many states, from sixth to sixth
+    steps = np.unique(bench.block_of_row if bench.followed <= FEW_STATES else sixths, return_index=True)[1]
+    if len(steps) > 1:
+        courses[_GROWS] = Course(tuple(rows[steps[1:]].tolist()), tuple(np.linspace(0.0, 1.0, len(steps)).tolist()))
     for path in paths:
         own, number, begins = changed(path)[0], sixths, range(int(fitted), int(sixths[-1]) + 1)
         if own and isinstance(bench.plant, ChangingPlant):
