@@ -252,7 +252,9 @@ class Sensitivities(Followed):
         """The slopes of the predictions that follow from responses, (P, rows, C).  point: one with a system."""
         assert point.system is not None
         numbers = (point.gains, point.whiten, self._numbers(point.logs)[2])
-        return driven_slopes(point.system, *numbers, responses)
+        slopes = driven_slopes(point.system, *numbers, responses)
+        slopes[~(np.abs(slopes) < _AWAY)] = 0.0  # as of runs that diverge
+        return slopes
 
     def _jumped(self, here: Point, paths: Sequence[str]) -> Point:
         """The point with the likeliest nearby sizes of effects with jumps, which slopes cannot find."""

@@ -72,3 +72,21 @@ def test_responses_are_kept_while_noises_and_parameters_move(pushed, monkeypatch
     monkeypatch.setattr(PredictionErrors, "_responses", lambda *a: calls.append(a[3]) or taken(*a))
     problem.solve(WRONG, COEFFICIENTS, near)
     assert calls == [list(COEFFICIENTS)] * 2  # and once more at the end of the fit
+
+
+def test_slopes_by_responses_of_a_vehicle_that_diverges_are_zero_from_there_on(pushed, monkeypatch):
+    """Their squares would not be finite, and no information could be computed."""
+    problem = PredictionErrors(GLIDER, pushed, whole(pushed))
+    point = problem.prepared(problem.solve(GLIDER, ()), COEFFICIENTS)
+    taken = sensitivities.driven_slopes
+
+    def diverging(*arguments) -> np.ndarray:
+        slopes = taken(*arguments)
+        slopes[:, 1000:], slopes[:, 1400:] = 1e170, np.nan
+        return slopes
+
+    before = problem.slopes_by(point, point.system.responses)
+    monkeypatch.setattr(sensitivities, "driven_slopes", diverging)
+    found = problem.slopes_by(point, point.system.responses)
+    assert np.array_equal(found[:, :1000], before[:, :1000])
+    assert not found[:, 1000:].any()
