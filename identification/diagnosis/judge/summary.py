@@ -92,7 +92,12 @@ def _sentence(d: Result) -> str:
 
 def _errs_more_than_sensors(d: Result) -> bool:
     """Whether free runs err by more than the sensor noise in any channel, beyond that noise."""
-    return any(score.rmse**2 > 2.0 * d.noise_of(name) ** 2 for name, score in d.after.scores.items())
+    return any(_beyond_noise(d, name) > d.noise_of(name) for name in d.after.scores)
+
+
+def _beyond_noise(d: Result, name: str) -> float:
+    """The RMS error of free runs in a channel, after the diagnosis, beyond the noise of its sensor."""
+    return float(np.sqrt(max(d.after.scores[name].rmse ** 2 - d.noise_of(name) ** 2, 0.0)))
 
 
 def likelier(e: Effect) -> list[Member]:
@@ -294,7 +299,7 @@ def _rest_sentence(d: Result) -> str:
 
 def _small(d: Result) -> str:
     """If the remaining error is smaller than every sensor's noise: a clause that says so, and where it is largest."""
-    beyond = {n: float(np.sqrt(max(s.rmse**2 - d.noise_of(n) ** 2, 0.0))) for n, s in d.after.scores.items()}
+    beyond = {name: _beyond_noise(d, name) for name in d.after.scores}
     if not all(size < d.noise_of(name) < np.inf for name, size in beyond.items()):
         return ""
     most = max(beyond, key=lambda name: beyond[name] / d.noise_of(name))
@@ -355,7 +360,7 @@ def _error_sentence(d: Result) -> str:
             size = f"{quantity(before.rmse, unit)} {first}, {size} {last}"
         told = ""
         if not d.changed:
-            beyond = float(np.sqrt(max(after.rmse**2 - d.noise_of(name) ** 2, 0.0)))
+            beyond = _beyond_noise(d, name)
             known = np.isfinite(beyond) and quantity(beyond, unit) != quantity(after.rmse, unit)
             told = f" ({quantity(beyond, unit)} beyond the sensor noise)" if known else ""
         parts.append(f"{label} {size}{told}")
