@@ -35,8 +35,7 @@ class Filter(Sensitivities):
         A filter that starts there stays near its linearisation.  The initial width does not matter: in a linear system,
         the filter's likelihood differs from that of the likeliest start only by a constant, whatever the model.
         """
-        telling = self._telling
-        slopes = slopes_of(system, made, telling, *self._numbers(logs))
+        slopes = slopes_of(system, made, np.ones(len(self.rows)), *self._numbers(logs))
         starts, roots, solid = starts.copy(), np.zeros_like(system.start), len(self.live)
         for w in range(len(self.stretches)):
             free = np.flatnonzero(~self._fixed(w))
@@ -63,17 +62,6 @@ class Filter(Sensitivities):
             half = vectors * np.minimum(_LOOSE / np.sqrt(values + 1.0), 1.0)
             roots[w][own] = (units[:, None] * half).T
         return starts, roots
-
-    @property
-    def _telling(self) -> np.ndarray:
-        """1 for the rows that inform on the start of their stretch, (rows,): those up to the first change of `counted`.
-
-        Later counted rows are conditioned on the uncounted rows between, and add little information on the start.
-        """
-        turns = np.diff(self.counted, prepend=self.counted[0]) != 0.0
-        turns[self.offsets] = False
-        turned = np.cumsum(turns)
-        return (turned == turned[self.offsets][self.stretch_of_row]).astype(float)
 
     def point(self, vector: np.ndarray, logs: np.ndarray, near: Point | None = None) -> Point:
         """The filter with these parameters and noises, linearised along its own path.
@@ -120,10 +108,10 @@ class Filter(Sensitivities):
         made = run_filter(system, *self._numbers(logs))
         if not np.isfinite(made.scores).all():
             return self._nowhere(vector, logs), 0.0
-        if renewed or self._held_first.any():
+        if renewed:
             assert system.path is not None
             better, roots = self._better_starts(system, made, logs, starts)
-            starts = better if anew else np.where(self._held_first[:, None], better, starts)
+            starts = better if anew else starts
             system = replace(system, start=roots, origin=self._origin(system.path, starts))
             made = run_filter(system, *self._numbers(logs))
         found = self._followed(vector, logs, starts, made.gains, made.whiten, system)

@@ -122,12 +122,12 @@ class Followed(Linearised):
         return errors, scores
 
     def total(self, point: Point) -> float:
-        """The log-likelihood of the rows that are counted."""
-        total = float(point.scores[self.counted > 0.0].sum())
+        """The log-likelihood of the likeliest starts."""
+        total = float(point.scores.sum())
         return total if np.isfinite(total) else -np.inf
 
     def likelihood(self, point: Point, paths: Sequence[str]) -> float:
-        """The log-likelihood of the counted rows plus the log-priors of the paths and of the correlation times."""
+        """The log-likelihood plus the log-priors of the paths and of the correlation times."""
         known = 0.5 * float((self.pulls(point.vector, paths)[0] ** 2).sum())
         return self.marginal(point) - known + self._prior(point.logs)[0]
 
@@ -179,7 +179,7 @@ class Followed(Linearised):
         return np.array([bool(self.carried[stretch]) and i < states and bool(self._shared[i]) for i in self.live])
 
     def marginal(self, point: Point) -> float:
-        """The log-likelihood of the rows that are counted, whatever the starts of the stretches were.
+        """The log-likelihood, whatever the starts of the stretches were.
 
         `total` is that of the likeliest starts, which take up a part of what drifts do, and meet the first readings:
         in a record of many short stretches there would seem to be hardly any noise (Neyman and Scott 1948).  The
@@ -196,7 +196,7 @@ class Followed(Linearised):
             return held[1]
         numbers = self._numbers(point.logs)
         wide, narrow = (run_filter(point.system, *numbers, start=start).spreads for start in (self.widest, None))
-        less = float(self.counted @ (narrow - wide))
+        less = float((narrow - wide).sum())
         found = less if np.isfinite(less) else 0.0
         while len(self._known_by_starts) >= _KNOWN_STARTS:
             self._known_by_starts.pop(next(iter(self._known_by_starts)), None)
@@ -207,19 +207,9 @@ class Followed(Linearised):
     def _known_by_starts(self) -> dict[tuple[int, bytes], tuple[ref[System], float]]:
         return {}
 
-    def counted_flat(self, columns: np.ndarray) -> np.ndarray:
-        """Columns, (P, rows, C), flattened to (P, rows * C), zero in the rows that do not count."""
-        if not np.all(self.counted == 1.0):
-            columns = columns * self._root
+    def flattened(self, columns: np.ndarray) -> np.ndarray:
+        """Columns, (P, rows, C), flattened to (P, rows * C)."""
         return columns.reshape(len(columns), self.measured.size)
-
-    def counted_errors(self, point: Point) -> np.ndarray:
-        """The errors that count, (rows, C), zero in the other rows."""
-        return point.errors * self._root
-
-    @property
-    def _root(self) -> np.ndarray:
-        return np.sqrt(self.counted)[:, None]
 
     def with_gains(self, point: Point, vector: np.ndarray, starts: np.ndarray | None = None) -> Point:
         """The point of other parameters, and starts, with the filter's gains of a given point."""

@@ -34,7 +34,7 @@ _MOST_GROWTH = 1.0  # most growth of a variance's logarithm; the first order hol
 class Information:
     """The information that a record holds on the paths, in units of their scales.
 
-    covariance: (P, P), robust.  alone: (P, P), normal matrix of the counted rows, without the priors.
+    covariance: (P, P), robust.  alone: (P, P), normal matrix without the priors.
     freedom: (P,), degrees of freedom of Student's t, since the noise behind the covariance is estimated as well.
     reach: (P,), half widths of 95 % intervals, in the standard errors that hold for white errors of known noise.
     """
@@ -55,7 +55,7 @@ def information_of(problem: PredictionErrors, point: Point, paths: Sequence[str]
     flat, size = _told(problem, point, paths)
     alone, known = flat @ flat.T, np.diag(problem.pulls(point.vector, paths)[1] ** 2)
     inverse = _inverse(alone + known, size)
-    scores = np.einsum("prc,rc->rp", flat.reshape(len(paths), *point.errors.shape), problem.counted_errors(point))
+    scores = np.einsum("prc,rc->rp", flat.reshape(len(paths), *point.errors.shape), point.errors)
     long_run = scores.T @ scores
     lags = int(np.ceil(4.0 * (max(len(scores), 1) / 100.0) ** (2.0 / 9.0)))  # Newey and West 1994, Bartlett
     same = problem.stretch_of_row
@@ -199,7 +199,7 @@ def first_order(problem: PredictionErrors, point: Point, paths: Sequence[str], k
     flat, scale = _told(problem, point, paths, soon=True)
     normal = flat @ flat.T + known
     inverse = _inverse(normal, scale)
-    pull = flat @ problem.counted_errors(point).ravel() - rates * pulled
+    pull = flat @ point.errors.ravel() - rates * pulled
     ways = inverse @ pull
     return FirstOrder(np.maximum(np.diag(inverse), 1e-300), ways, 0.5 * float(pull @ ways), _size(normal))
 
@@ -265,13 +265,13 @@ def told_by_part(
     parts: Sequence[Sequence[slice]],
     soon: bool = False,
 ) -> ByPart:
-    """The log-likelihood of each part of the counted rows as a function of the paths; see `ByPart`.
+    """The log-likelihood of each part of the rows as a function of the paths; see `ByPart`.
 
     The slopes are without what the initial states of the stretches can imitate.
     soon: use responses where the point has them.
     """
     flat, _ = _told(problem, point, paths, soon)
-    columns, errors = flat.reshape(len(paths), *point.errors.shape), problem.counted_errors(point)
+    columns, errors = flat.reshape(len(paths), *point.errors.shape), point.errors
     pulled, rates = problem.pulls(point.vector, paths)
     normals, pulls, scores = [], [], []
     for part in parts:

@@ -95,7 +95,7 @@ class Noises(Filter):
 
     def _keeps_to(self, here: Point, system: System) -> bool:
         """Whether the filter of a vehicle is about as likely as the linearised filter, and so stays near its path."""
-        linear = float(self.counted @ run_filter(system, *self._numbers(here.logs)).scores)
+        linear = float(run_filter(system, *self._numbers(here.logs)).scores.sum())
         return self.total(here) > linear - FAR * len(self.rows)
 
     @cached_property
@@ -105,7 +105,7 @@ class Noises(Filter):
     def likelihood_of_noises(self, system: System, logs: np.ndarray) -> float:
         """The log-likelihood of noises in the linearised filter, minus the cost of the accelerations present."""
         made = run_filter(system, *self._numbers(logs), start=self.widest)
-        return float(self.counted @ made.scores) - self._cost(logs)
+        return float(made.scores.sum()) - self._cost(logs)
 
     def _without(self, logs: np.ndarray, which: Sequence[int]) -> np.ndarray:
         """The noises with some accelerations set to a negligible strength."""
@@ -268,7 +268,7 @@ class Noises(Filter):
         numbers, part = self._numbers(point.logs), np.arange(len(self.rows)) * parts // len(self.rows)
         made = run_filter(point.system, *numbers, start=self.widest)
         self.work.add(parts * FILTERED * len(self.rows))
-        within = [self.counted * (part == k) for k in range(parts)]
+        within = [(part == k).astype(float) for k in range(parts)]
         return self.joined(np.array([slopes_of(point.system, made, weights, *numbers).noises for weights in within]))
 
     def _noise_pass(self, point: Point, logs: np.ndarray, every: bool = False) -> tuple[float, Pass]:
@@ -276,14 +276,14 @@ class Noises(Filter):
         assert point.system is not None
         self.work.add(2 * FILTERED * len(self.rows))  # the pass, and its slopes
         made = run_filter(point.system, *self._numbers(logs, every), start=self.widest)
-        value = float(self.counted @ made.scores) + self._prior(logs)[0]
+        value = float(made.scores.sum()) + self._prior(logs)[0]
         return value if np.isfinite(value) else -np.inf, made
 
     def _noise_slopes(self, point: Point, logs: np.ndarray, made: Pass, every: bool = False) -> np.ndarray:
         assert point.system is not None
         if not np.isfinite(made.scores).all():
             return np.zeros(logs.size)
-        slopes = slopes_of(point.system, made, self.counted, *self._numbers(logs, every)).noises
+        slopes = slopes_of(point.system, made, np.ones(len(self.rows)), *self._numbers(logs, every)).noises
         return self.joined(slopes) + self._prior(logs)[1]
 
     def with_noise(self, point: Point, logs: np.ndarray) -> Point:

@@ -34,11 +34,6 @@ TRIAL_GAIN = 0.1  # the same for a fit that is compared with others: two are tie
 class Sensitivities(Followed):
     """Sensitivities of a filter's errors to parameters and to the initial states of stretches, with the gains held."""
 
-    @property
-    def _held_first(self) -> np.ndarray:
-        """Which stretches begin with rows that do not count, (W,); such rows alone determine their initial states."""
-        return self.counted[self.offsets] == 0.0
-
     def columns_of(
         self, point: Point, moves: Sequence[tuple[str, float]], vector: np.ndarray | None = None
     ) -> np.ndarray:
@@ -81,19 +76,19 @@ class Sensitivities(Followed):
             np.einsum("rmc,prc->prm", point.whiten, change, out=found[some])
         return found
 
-    def counted_slopes(self, point: Point, paths: Sequence[str]) -> np.ndarray:
-        """Slopes of the counted predictions by the paths, (P, rows * C)."""
-        return self.counted_flat(self.columns_of(point, moves_of(paths)))
+    def flat_slopes(self, point: Point, paths: Sequence[str]) -> np.ndarray:
+        """Slopes of the predictions by the paths, (P, rows * C)."""
+        return self.flattened(self.columns_of(point, moves_of(paths)))
 
     def own_slopes(self, point: Point, paths: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-        """Slopes of the counted predictions by the paths, and their part without initial states, (P, rows * C) both.
+        """Slopes of the predictions by the paths, and their part without initial states, (P, rows * C) both.
 
         The second is the part that initial states cannot imitate.  The differences are central: for a vehicle that
         turns away from its course, the error of one-sided ones would look like such a part.
         """
         moves = moves_of(paths)
         back = self.columns_of(point, [(path, -step) for path, step in moves])
-        slopes = self.counted_flat(0.5 * (self.columns_of(point, moves) + back))
+        slopes = self.flattened(0.5 * (self.columns_of(point, moves) + back))
         basis = self._basis(0.5 * (self._run_starts(point)[0] + self._run_starts(point, -1.0)[0]))
         return slopes, slopes - (slopes @ basis) @ basis.T
 
@@ -122,7 +117,7 @@ class Sensitivities(Followed):
         return np.sqrt((np.minimum(np.abs(columns), _ENOUGH) ** 2).sum(axis=(1, 2)))
 
     def start_basis(self, point: Point) -> np.ndarray:
-        """An orthonormal basis, (rows * C, m), of the counted errors' changes by initial states of the stretches.
+        """An orthonormal basis, (rows * C, m), of the errors' changes by initial states of the stretches.
 
         Initial states are fitted.  With the part that they imitate taken out of the parameters' slopes, the filter's
         initial covariance makes no difference.
@@ -169,13 +164,12 @@ class Sensitivities(Followed):
         return self._by_start(start_slopes(point.system, *numbers))
 
     def _by_start(self, columns: np.ndarray) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
-        """Slopes of the counted predictions by each initial state, (m, rows * C), and its stretches and state.
+        """Slopes of the predictions by each initial state, (m, rows * C), and its stretches and state.
 
         columns: (n, rows, C), slopes by the live states, each moved at the beginning of every stretch.  An unknown
         constant has one initial state for all the stretches through which it continues.
         """
-        columns, states = columns * self._root, len(self._shared)
-        anew, own = np.cumsum(~self.carried), np.arange(len(self.stretches))
+        states, anew, own = len(self._shared), np.cumsum(~self.carried), np.arange(len(self.stretches))
         found, owners = [], []
         for j, i in enumerate(self.live):
             group = anew if i < states and self._shared[i] else own
@@ -206,17 +200,17 @@ class Sensitivities(Followed):
         return replace(point, system=replace(point.system, responses=responses))
 
     def soon_slopes(self, point: Point, paths: Sequence[str]) -> np.ndarray:
-        """Slopes of the counted predictions by the paths, (P, rows * C), by responses where the point has them."""
+        """Slopes of the predictions by the paths, (P, rows * C), by responses where the point has them."""
         known = None if point.system is None else point.system.responses
         many = [] if known is None else [p for p in paths if p in known.paths]
         if not many or known is None:
-            return self.counted_slopes(point, paths)
+            return self.flat_slopes(point, paths)
         soon = self.slopes_by(point, known.of(many))
         found = np.empty((len(paths), *self.measured.shape))
         found[[p in known.paths for p in paths]] = soon
         rest = [p for p in paths if p not in known.paths]
         found[[p in rest for p in paths]] = self.columns_of(point, moves_of(rest))
-        return self.counted_flat(found)
+        return self.flattened(found)
 
     def changing_slopes(self, point: Point, paths: Sequence[str], shares: np.ndarray) -> np.ndarray | None:
         """Slopes by coefficients that change by shares in each row, (rows,), by responses; None without responses.
@@ -280,14 +274,12 @@ class Sensitivities(Followed):
         for _ in range(iterations):
             if self.carried.any() or not self._near_by(taken, here.vector):
                 starts, owners = self._starts_for_steps(here)
-                told = self._told_starts(starts)
-                owned = np.array([not self._held_first[stretches].all() for stretches, _ in owners], dtype=bool)
-                moving = np.flatnonzero(told & owned)
+                moving = np.flatnonzero(self._told_starts(starts))
                 starts, owners, taken = starts[moving], [owners[k] for k in moving], here.vector
                 every = np.vstack([self.soon_slopes(here, paths), starts])
             if not len(every):
                 break
-            whole, right = every @ every.T, every @ self.counted_errors(here).ravel()
+            whole, right = every @ every.T, every @ here.errors.ravel()
             pulled, rates = self.pulls(here.vector, paths)
             whole[:count, :count] += np.diag(rates**2)
             right[:count] -= rates * pulled

@@ -63,7 +63,7 @@ def in_steps(problem: PredictionErrors, longest: float) -> PredictionErrors:
 
 def moved_by_steps(one: PredictionErrors, other: PredictionErrors, point: Point) -> float:
     """A bound on the change of a point, in standard errors, from the steps of one problem to those of another."""
-    errors = [problem.counted_errors(problem.with_gains(point, point.vector)) for problem in (one, other)]
+    errors = [problem.with_gains(point, point.vector).errors for problem in (one, other)]
     return float(np.linalg.norm(errors[0] - errors[1]))
 
 

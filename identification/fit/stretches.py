@@ -48,7 +48,6 @@ class Stretches(Parameters):
     (`Family.driven`) are followed; the linearised filter leaves out the effects of other states through these.
     process: whether accelerations may push the vehicle; without, each window starts anew, as a free run.
     stride: samples to a row, over which readings, and the model's outputs, are averaged.
-    counted: windows whose rows count in the likelihood, by default all; the others are only filtered.
     doubt: see `Parameters`.  guess: initial states, (W, n_states), by default those of free runs over the first
     seconds.
     """
@@ -61,13 +60,12 @@ class Stretches(Parameters):
         *,
         doubt: float = np.inf,
         process: bool = True,
-        counted: Sequence[slice] | None = None,
         stride: int = 1,
         guess: np.ndarray | None = None,
     ):
         super().__init__(plant, doubt)
         self.record, self.process = record, process
-        self._windows, self._counted = tuple(windows), counted
+        self._windows = tuple(windows)
         self._added: tuple[tuple[Sequence[int], Sequence[int], float], ...] = ()
         self._sticking: dict[str, tuple[float, ...]] = {}
         family = plant.family
@@ -97,7 +95,6 @@ class Stretches(Parameters):
         self.measured, self.counts = map(np.ascontiguousarray, picked)
         self.finite = np.isfinite(self.measured)
         self.stretch_of_row = np.repeat(np.arange(len(lengths)), lengths)
-        self.counted = self.within(windows if counted is None else counted)
         self._by_row = replace(self.runs, begin=self.rows, stop=self.rows + stride)
         self.durations = self._durations()
         self._size = len(family.states) + len(family.sensors)
@@ -225,7 +222,6 @@ class Stretches(Parameters):
             self._windows,
             doubt=self.doubt,
             process=self.process,
-            counted=self._counted,
             stride=stride,
             guess=self.guess,
         )
@@ -369,7 +365,7 @@ class Stretches(Parameters):
     @property
     def count(self) -> int:
         """Number of values that count in the likelihood."""
-        return int((self.finite * self.counted[:, None]).sum())
+        return int(self.finite.sum())
 
     def _one_by_one(self) -> Correction:
         """Runs of each row alone, without correction and with constant accelerations."""

@@ -185,7 +185,7 @@ def _variances(problem: PredictionErrors, point: Point, fitted: Sequence[str], o
     """
     paths = [*fitted, *others]
     moves = [(p, _ABOUT_CORNERS if kinked(p) else STEP) for p in paths]
-    slopes = problem.counted_flat(problem.columns_of(point, moves))
+    slopes = problem.flattened(problem.columns_of(point, moves))
     flat = problem.without_starts(point, slopes)
     normal = flat @ flat.T
     normal += np.diag(problem.pulls(point.vector, paths)[1] ** 2)

@@ -59,7 +59,7 @@ def period_of_swell(problem: PredictionErrors, point: Point) -> float | None:
 
 def _spectrum(problem: PredictionErrors, point: Point, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies, Hz, and powers of the errors, summed over the channels, of all stretches, (n,) both."""
-    errors, found = point.errors * problem.counted[:, None], []
+    errors, found = point.errors, []
     for w in range(len(problem.stretches)):
         own = errors[problem.stretch_of_row == w]
         frequencies = np.fft.rfftfreq(len(own), step)

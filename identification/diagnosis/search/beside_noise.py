@@ -77,7 +77,7 @@ def weigh(
 
 
 def _slopes_by(problem: PredictionErrors, term: Responses) -> Callable[[Point], np.ndarray]:
-    return lambda point: problem.counted_flat(problem.slopes_by(point, term))
+    return lambda point: problem.flattened(problem.slopes_by(point, term))
 
 
 def _evidence(first: Regression, term: Responses, without: float) -> float:
@@ -86,7 +86,7 @@ def _evidence(first: Regression, term: Responses, without: float) -> float:
     best, trust = -np.inf, 0.0
     for _ in range(_TURNS):
         here, plain = regression.point, _likelihood(regression)
-        size, evidence, trusted = _sized(regression, problem.counted_flat(problem.slopes_by(here, term))[0])
+        size, evidence, trusted = _sized(regression, problem.flattened(problem.slopes_by(here, term))[0])
         without = max(without, plain)
         if plain + 0.5 * evidence < best + _GAIN:
             break

@@ -243,14 +243,14 @@ class Regression:
 
     def __init__(self, problem: PredictionErrors, point: Point, fitted: Sequence[str], threshold: float):
         self.problem, self.point, self.fitted, self.threshold = problem, point, fitted, threshold
-        self.nuisance = problem.counted_slopes(point, fitted)
+        self.nuisance = problem.flat_slopes(point, fitted)
         pulled, rates = problem.pulls(point.vector, fitted)
         # the priors of the coefficients count as data: a row for each
         self.known = np.diag(rates) if len(fitted) else np.zeros((0, 0))
         self.tall = np.hstack([self.nuisance, self.known])
         starts = problem.start_basis(point)
         self.starts = np.vstack([starts, np.zeros((len(fitted), starts.shape[1]))])
-        residual = np.r_[problem.counted_errors(point).ravel(), -pulled]
+        residual = np.r_[point.errors.ravel(), -pulled]
         self.residual = residual
         self.basis, self.triangle = np.linalg.qr(np.hstack([self.starts, self.tall.T]))
         self.left = residual - self.basis @ (self.basis.T @ residual)
@@ -283,7 +283,7 @@ class Regression:
         The part that coefficients and starts can imitate is left out.  The effects are simulated at these sizes: no
         slope is scaled.
         """
-        changes = self.problem.counted_flat(self.problem.columns_of(self.point, list(sizes.items())))
+        changes = self.problem.flattened(self.problem.columns_of(self.point, list(sizes.items())))
         rest = np.linalg.norm(self.beside(changes), axis=1)
         return {path: float(size * one) for (path, size), one in zip(sizes.items(), rest, strict=True)}
 
@@ -341,7 +341,7 @@ class Regression:
         if not groups:
             return []
         moves = [(p, step) for c, step in groups for p in c.paths]
-        signatures = self.problem.counted_flat(self.problem.columns_of(self.point, moves, vector))
+        signatures = self.problem.flattened(self.problem.columns_of(self.point, moves, vector))
         signatures = np.hstack([signatures, np.zeros((len(signatures), len(self.fitted)))])
         rest = signatures - (signatures @ self.basis) @ self.basis.T
         ends = np.cumsum([len(c.paths) for c, _ in groups])

@@ -260,7 +260,7 @@ def _judged(
 
     @cache
     def freedom() -> float:
-        return freedom_of(problem, near, lambda point: problem.counted_flat(problem.columns_of(point, moves)))
+        return freedom_of(problem, near, lambda point: problem.flattened(problem.columns_of(point, moves)))
 
     def chance(point: Point) -> float:
         weight = Weight(2.0 * (problem.likelihood(point, free) - without), np.inf, count)

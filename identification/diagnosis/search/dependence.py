@@ -88,7 +88,7 @@ def dependence(bench: Workbench, state: State) -> Dependence | None:
             for axis in axes if laws else ():
                 told = Dependence(problem.pushed[axis], name, bool(remembers), bool(problem.misread[axis]))
                 terms = problem.pushed_by(point, int(axis), np.array(laws))
-                flat = problem.counted_flat(problem.slopes_by(point, terms))
+                flat = problem.flattened(problem.slopes_by(point, terms))
                 evidence, rest = _evidence(regression, flat, waves[int(axis)])
                 tried = zip(evidence, laws, summed_up(rest), strict=True)
                 found += [_Tried(told, int(axis), law, float(e), r) for e, law, r in tried if e > 0.0]
@@ -130,7 +130,7 @@ def _answers(problem: PredictionErrors, regression: Regression, one: _Tried, wav
     last = np.r_[problem.offsets[1:], len(one.law)][stretch] - 1
     later = np.array([one.law[np.minimum(rows + lead, last)] for lead in _LEADS])
     point = regression.point
-    signatures = problem.counted_flat(problem.slopes_by(point, problem.pushed_by(point, one.axis, later)))
+    signatures = problem.flattened(problem.slopes_by(point, problem.pushed_by(point, one.axis, later)))
     return float(_evidence(regression, signatures, waves)[0].max()) > one.evidence
 
 
@@ -145,7 +145,7 @@ def _by_other_waves(regression: Regression, axis: int) -> np.ndarray:
     if not others.any():
         return _NO_WAVES
     waves = point.path[:, len(point.path[0]) - len(others) + np.flatnonzero(others)].T
-    rest = regression.beside(problem.counted_flat(problem.slopes_by(point, problem.pushed_by(point, axis, waves))))
+    rest = regression.beside(problem.flattened(problem.slopes_by(point, problem.pushed_by(point, axis, waves))))
     _, values, basis = np.linalg.svd(rest, full_matrices=False)
     return basis[values > _LEAST_REST * values[0]]
 
@@ -166,7 +166,7 @@ def clock_varies(bench: Workbench, state: State) -> bool:
         part = np.arange(rows) * parts // rows
         within = (part == np.arange(parts)[:, None]).astype(float)
         terms = problem.partly(point, CLOCK, within)
-        chances.append(_chance(regression, problem.counted_flat(problem.slopes_by(point, terms))))
+        chances.append(_chance(regression, problem.flattened(problem.slopes_by(point, terms))))
     return len(chances) * min(chances) < LEFT
 
 

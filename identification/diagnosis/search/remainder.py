@@ -95,7 +95,7 @@ def likeliest_to_change(bench: Workbench, state: State, paths: Sequence[str], co
     later = np.array([bench.block_of_row >= k * BLOCKS // MOST_PARTS for k in range(1, MOST_PARTS)], dtype=float)
     evidence = {}
     for path, column in zip(paths, problem.columns_of(point, moves_of(paths)), strict=True):
-        cut = problem.counted_flat(column * later[:, :, None])
+        cut = problem.flattened(column * later[:, :, None])
         evidence[path] = regression.evidence_of(cut)
     return sorted(evidence, key=lambda path: -evidence[path])[:count]
 

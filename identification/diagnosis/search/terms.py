@@ -58,15 +58,14 @@ def selection_of(
     """
     problem, point = bench.problem, state.point
     unit = problem.scaled(dict.fromkeys(library, 1.0))
-    inside = problem.counted > 0.0
-    columns = unit.columns_of(point, [(p, TINY) for p in library])[:, inside]
+    columns = unit.columns_of(point, [(p, TINY) for p in library])
     total = max(problem.count, 1)
     size = np.sqrt((columns**2).sum(axis=(1, 2)) / total)
     scales = np.where(size > 1e-12, 1.0 / np.maximum(size, 1e-12), 1.0)
     columns = columns * np.where(size > 1e-12, scales, 0.0)[:, None, None]
-    nuisance = problem.columns_of(point, moves_of(state.paths))[:, inside]
-    errors = point.errors[inside]
-    blocks = np.repeat(_blocks(bench.block_of_row[inside]), errors.shape[1])
+    nuisance = problem.columns_of(point, moves_of(state.paths))
+    errors = point.errors
+    blocks = np.repeat(_blocks(bench.block_of_row), errors.shape[1])
     flat = errors.ravel()
     selection = select(
         columns.reshape(len(columns), flat.size), nuisance.reshape(len(nuisance), flat.size), flat, blocks, rng

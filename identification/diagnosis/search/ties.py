@@ -44,12 +44,12 @@ def likenesses(bench: Workbench, chosen: Trial, others: Sequence[Trial]) -> dict
     own, here, problem = chosen.candidate.paths, chosen.state.point, bench.problem
     beside = [p for p in chosen.state.paths if p not in own]
     paths = [*own, *beside, *(p for t in others for p in t.candidate.paths)]
-    flat = problem.counted_slopes(here, paths)
+    flat = problem.flat_slopes(here, paths)
     moved = np.array([value_at(chosen.state.plant, p) - spec_at(problem.plant, p).neutral for p in own])
     moved /= [problem.scale(p) for p in own]
     if chosen.candidate.jumps:  # its whole effect
         back = [(p, -float(size)) for p, size in zip(own, moved, strict=True)]
-        flat[: len(own)] = problem.counted_flat(problem.columns_of(here, back))
+        flat[: len(own)] = problem.flattened(problem.columns_of(here, back))
     scale = float(np.linalg.norm(moved)) or 1.0
     basis = flat[len(own) : len(own) + len(beside)]
     columns = np.concatenate([(moved / scale) @ flat[: len(own)][None], flat[len(own) + len(beside) :]])

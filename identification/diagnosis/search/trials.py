@@ -179,7 +179,7 @@ def misjudged(bench: Workbench, base: State) -> float:
     """The factor by which evidence is too large beside a state with less process noise than suits it; else 1."""
     if not base.quiet:
         return 1.0
-    squares = float((base.point.errors**2 * bench.problem.counted[:, None]).sum())
+    squares = float((base.point.errors**2).sum())
     return max(squares / max(bench.problem.count, 1), 1.0)
 
 

@@ -37,9 +37,6 @@ class Regression:
     def own_slopes(self, point, paths) -> tuple[np.ndarray, np.ndarray]:
         return self.slopes, self.slopes - (self.slopes @ self.basis) @ self.basis.T
 
-    def counted_errors(self, point) -> np.ndarray:
-        return point.errors
-
     def pulls(self, vector, paths) -> tuple[np.ndarray, np.ndarray]:
         return np.zeros(len(self.slopes)), np.broadcast_to(self.rates, len(self.slopes))
 
@@ -199,8 +196,9 @@ def test_parameters_without_a_part_of_a_log_are_those_of_a_fit_without_it(fitted
     problem, point = fitted
     told = told_by_part(problem, point, [OFFSET], PARTS)
     step, _ = told.refitted(np.array([True, True, False]))
-    fewer = PredictionErrors(GLIDER, problem.record, [slice(0, 500)], counted=[slice(0, 320)])
-    there = fewer.solve(problem.plant_at(point, [OFFSET]), [OFFSET], point, noise=False)
+    fewer = PredictionErrors(GLIDER, problem.record, [slice(0, 320)])
+    near = fewer.point(point.vector, point.logs)
+    there = fewer.solve(problem.plant_at(point, [OFFSET]), [OFFSET], near, noise=False)
     moved = (there.vector - point.vector)[problem.index[OFFSET]] / problem.scale(OFFSET)
     error = np.sqrt(1.0 / information_of(problem, point, [OFFSET]).alone[0, 0])
     assert abs(moved) > 0.2 * error
@@ -237,9 +235,6 @@ class Mean:
         assert soon
         return slopes
 
-    def counted_errors(self, point):
-        return np.array([self.error])
-
     def pulls(self, vector, paths):
         return np.zeros(1), np.zeros(1)
 
@@ -250,11 +245,13 @@ class Logs:
     vector: np.ndarray = field(default_factory=lambda: np.zeros(1))
     scores: np.ndarray = field(default_factory=lambda: np.zeros(1))
     system: str | None = "linearised"
+    errors: np.ndarray = field(default_factory=lambda: np.zeros((1, 1)))
 
 
 def by_noise(problem) -> tuple[np.ndarray, np.ndarray]:
     """The growth and the degrees of freedom of a mean with unit information."""
-    return _by_noise(problem, Logs(np.zeros(3)), ["mean"], np.zeros((1, 1)))  # type: ignore[arg-type]
+    point = Logs(np.zeros(3), errors=np.array([[problem.error]]))
+    return _by_noise(problem, point, ["mean"], np.zeros((1, 1)))  # type: ignore[arg-type]
 
 
 def test_a_noise_of_which_little_is_known_widens_intervals_as_student_did():

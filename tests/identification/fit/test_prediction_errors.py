@@ -146,18 +146,6 @@ def test_errors_of_the_right_model_are_white_and_of_unit_variance(pushed):
         assert abs(np.corrcoef(error[1:], error[:-1])[0, 1]) < 4.0 / np.sqrt(len(error))
 
 
-def test_rows_that_are_not_counted_are_filtered_and_change_no_estimate(pushed):
-    half = slice(0, 250)
-    counted = PredictionErrors(GLIDER, pushed, whole(pushed), counted=[half])
-    point = counted.solve(GLIDER, PATHS)
-    assert counted.total(point) == pytest.approx(point.scores[half].sum())
-    assert np.all(np.abs(point.innovations[250:]).max(axis=0) > 0.0)
-    alone = PredictionErrors(GLIDER, pushed, [half])
-    other = alone.solve(GLIDER, PATHS)
-    there = alone.point(point.vector, point.logs, other)
-    assert alone.objective(there, PATHS) == pytest.approx(alone.objective(other, PATHS), abs=0.02)
-
-
 def test_a_compass_that_is_read_more_rarely_than_the_gyro_has_the_noise_that_it_has(pushed):
     """The readings are interpolated from every 5 s; their error and their number are those of true readings."""
     rows = np.arange(len(pushed))

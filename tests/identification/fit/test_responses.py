@@ -36,7 +36,7 @@ def test_slopes_of_the_linearised_filter_are_those_of_the_vehicle(pushed, stride
     assert problem._there(point.logs).all()
     point = problem.prepared(point, COEFFICIENTS)
     found = problem.soon_slopes(point, COEFFICIENTS)
-    exact = problem.counted_slopes(point, COEFFICIENTS)
+    exact = problem.flat_slopes(point, COEFFICIENTS)
     for one, other in zip(found, exact, strict=True):
         assert np.linalg.norm(one - other) < 2e-3 * np.linalg.norm(other)
 

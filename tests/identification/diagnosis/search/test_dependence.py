@@ -97,7 +97,7 @@ def test_commands_that_answer_pushes_are_told_from_those_that_push(ahead, answer
         offsets=np.array([0, rows // 2]),
         pushed_by=lambda point, axis, laws: laws,
         slopes_by=lambda point, terms: terms,
-        counted_flat=lambda slopes: slopes,
+        flattened=lambda slopes: slopes,
     )
     regression = Regressed(np.roll(command, -ahead) + rng.standard_normal(rows))
     evidence = float(module._evidence(regression, command[None])[0][0])
@@ -191,7 +191,7 @@ def test_a_push_that_follows_the_waves_of_other_velocities_follows_no_law():
 
     def left_of(law: np.ndarray, *beside: np.ndarray) -> tuple[float, float]:
         """The evidence for a law, and the norm of the rest of its signature."""
-        signature = problem.counted_flat(problem.slopes_by(point, problem.pushed_by(point, axis, law[None])))
+        signature = problem.flattened(problem.slopes_by(point, problem.pushed_by(point, axis, law[None])))
         evidence, rest = module._evidence(regression, signature, *beside)
         return float(evidence[0]), float(np.linalg.norm(rest))
 

@@ -127,7 +127,7 @@ def test_errors_that_merely_fade_have_no_peak(peak, found):
     errors = (drift + peak * cycle(rng, rows, 1.0))[:, None]
     point = SimpleNamespace(errors=errors, scores=np.zeros(rows), system="any")
     problem = SimpleNamespace(
-        velocities=[0], channels=("heading_rad",), durations=np.ones(rows), counted=np.ones(rows),
+        velocities=[0], channels=("heading_rad",), durations=np.ones(rows),
         finite=np.ones((rows, 1), dtype=bool), stretches=[slice(0, rows)],
         stretch_of_row=np.zeros(rows, dtype=int),
     )  # fmt: skip

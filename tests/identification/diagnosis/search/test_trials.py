@@ -310,7 +310,7 @@ def test_signatures_are_taken_with_coefficients_as_given_where_these_promise_mor
     """9 instead of 5, minus twice the loss of log-likelihood there, plus what the coefficients regain."""
     bench, state, candidates = start
     only = [c for c in candidates if OFFSET in c.paths]
-    scores = state.point.scores - poorer / bench.problem.counted.sum()
+    scores = state.point.scores - poorer / len(bench.problem.rows)
     given = replace(state, point=replace(state.point, scores=scores))
     promised = {id(state.point): 5.0, id(given.point): 9.0}
 
@@ -335,7 +335,7 @@ def test_signatures_are_taken_with_weaker_accelerations_where_these_promise_more
     """
     bench, state, candidates = start
     only = [c for c in candidates if OFFSET in c.paths]
-    size = 2.0 * np.sqrt(bench.problem.count / bench.problem.counted.sum() / state.point.errors.shape[1])
+    size = 2.0 * np.sqrt(bench.problem.count / len(bench.problem.rows) / state.point.errors.shape[1])
     loud = replace(state.point, errors=np.full_like(state.point.errors, size), scores=state.point.scores - 1e3)
     quieted = replace(state, point=loud, quiet=True)
     of = {id(state.point): (5.0, 0.01), id(loud): (promised, 0.001)}
