@@ -28,8 +28,9 @@ from identification.experiments.driving import drive
 from identification.experiments.kinds import KINDS
 from identification.experiments.missions import mission_of, run_mission, sampling_of
 from identification.fit.changing import ChangingPlant
+from identification.fit.noises import Noise
 from identification.fit.windows import free_run_windows
-from identification.planning.separation import Knowledge, Noise, record_knowledge, record_noise, separation
+from identification.planning.separation import Knowledge, record_knowledge, record_noise, separation
 
 ENOUGH = 25.0  # evidence that tells two effects apart: five standard errors, squared
 FILE = "next_experiment.toml"

@@ -15,6 +15,8 @@ from identification.deciding import LEAST_WINDOWS
 from identification.diagnosis import diagnose
 from identification.experiments.heading_control import closed_loop
 from identification.experiments.kinds import KINDS
+from identification.fit.noises import Noise
+from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.shooting import Shooting
 from identification.fit.windows import free_run_windows
 from identification.planning.next_experiment import (
@@ -27,7 +29,7 @@ from identification.planning.next_experiment import (
     words,
     write_experiment,
 )
-from identification.planning.separation import Noise, separation
+from identification.planning.separation import separation
 
 OFFSET, MOMENT = "effects.rudder.offset", "effects.yaw.moment"
 
@@ -99,7 +101,7 @@ def test_what_acts_alike_everywhere_cannot_be_told_apart():
     plant = load_vehicle("qiandao_float")
     effects = ("effects.volume.compressibility", "effects.water.gradient")
     same = replace_at(plant, effects[0], 2e-7)
-    noise = Noise({"depth_m": 0.02}, {"depth_m": 0.0}, 0.7)
+    noise = Noise({"depth_m": 0.02}, {})
     one = Rival("one", same, effects[:1])
     other = Rival("other", replace_at(plant, effects[1], 3.31e-3), effects[1:])
     found = next_experiment(plant, [one, other], noise=noise, designs=[design(plant, "stairs")], minutes=(4.0, 60.0))
@@ -110,21 +112,25 @@ def test_what_acts_alike_everywhere_cannot_be_told_apart():
 
 def test_expected_evidence_is_what_noisy_logs_give_on_average():
     plant = load_vehicle("slocum")
-    truth, other = replace_at(plant, MOMENT, 0.001), plant
+    truth, other, paths = replace_at(plant, MOMENT, 0.0003), plant, plant.family.coefficients
     sigma, seeds = 0.01, range(12)
     records = [closed_loop(truth, rng=np.random.default_rng(5), duration=480.0, compass_noise=0.0, track_noise=None)]
-    noise = Noise({"heading_rad": sigma}, {"heading_rad": 0.0}, plant.dt)
-    expected = separation(records, truth, other, plant.family.coefficients, noise)
+    noise = Noise({"heading_rad": sigma}, {})
+    expected = separation(records, truth, other, paths, noise)
     clean, gains = records[0], []
     for seed in seeds:
         error = sigma * np.random.default_rng(seed).standard_normal(len(clean))
         record = clean.with_channels({"heading_rad": clean["heading_rad"] + error})
-        problem = Shooting(plant, record, free_run_windows(plant, record, plant.window))
-        costs = [np.nansum(problem.solve(p, plant.family.coefficients).residual ** 2) for p in (other, truth)]
-        gains.append((costs[0] - costs[1]) / sigma**2)
+        problem = PredictionErrors(plant, record, free_run_windows(plant, record, plant.window))
+        near = [problem.point(p.vector, problem.logs_of(noise)) for p in (truth, other)]
+        best = [problem.total(problem.solve(p, paths, n, noise=False)) for p, n in zip((truth, other), near)]
+        gains.append(2.0 * (best[0] - best[1]))
     # a mean of 12 draws of a difference whose deviation is twice the root of its mean
     assert np.mean(gains) == pytest.approx(expected, abs=3.0 * 2.0 * np.sqrt(expected / len(gains)))
     assert expected > 5.0
+    # accelerations that push the vehicle at random hide a part of it
+    pushed = Noise({"heading_rad": sigma}, {"r_radps": (2e-4, 20.0)})
+    assert separation(records, truth, other, paths, pushed) < 0.8 * expected
 
 
 def test_the_written_campaign_is_checked_and_runs(tie, tmp_path, capsys):
