@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_gym.param import replace_at, spec_at, value_at
-from auv_gym.plant import Plant
+from auv_gym.param import check_count, check_names, replace_at, spec_at, value_at
+from auv_gym.plant import Plant, check_vehicle
 from auv_gym.plant.record_check import check_ranges
-from auv_gym.records.record import Record, concat
+from auv_gym.records.record import Record, concat, records_of
 from identification.estimate import Estimate
 from identification.fit.followed import Point
 from identification.fit.further_noises import further_noises
@@ -86,6 +86,9 @@ class GreyBox:
     doubt: float = np.inf
 
     def __post_init__(self):
+        check_vehicle("GreyBox", self.plant)
+        check_names("GreyBox: free", self.free)
+        check_count("GreyBox: max_iterations", self.max_iterations)
         if not self.free:
             raise ValueError('GreyBox needs at least one free path, got none: for example free=["hull.n_r"].')
         if len(set(self.free)) != len(self.free):
@@ -101,18 +104,13 @@ class GreyBox:
 
     def fit(self, *records: Record) -> GreyBoxFit:
         """Fit over all windows of all records; raises if they are too short or the run leaves the finite numbers."""
-        if not records:
-            raise ValueError("GreyBox.fit needs at least one record, got none.")
+        records = records_of("GreyBox.fit", records)
         record = records[0] if len(records) == 1 else concat(records)
         check_ranges(self.plant, record)
         window = self.plant.window if self.window is None else self.window
         windows = free_run_windows(self.plant, record, window)
         if not windows:
-            longest = max(float(np.ptp(record.time[s])) for s in record.segments)
-            raise ValueError(
-                f"GreyBox needs a stretch of at least {window:g} s without a gap, got {longest:.1f} s: "
-                "record longer or choose a shorter window."
-            )
+            raise ValueError(_no_windows(record, window))
         paths = tuple(self.free)
         stride = stride_for(self.plant, record, windows, self.free, process=self.process)
         given = PredictionErrors(self.plant, record, windows, doubt=self.doubt, process=self.process, stride=stride)
@@ -128,7 +126,7 @@ class GreyBox:
         if shorter is not problem:
             given, problem = in_steps(shorter, given.plant.longest_step), shorter
             point = self._likeliest(problem)
-        better = suited(given, problem, point)
+        better = suited(given, problem, point, paths)
         if better is not problem:
             problem, point = better, self._likeliest(better)
         for noisier in further_noises(problem, problem.plant_at(point, paths), paths, point):
@@ -233,6 +231,23 @@ def _problems(information: np.ndarray, raw: np.ndarray, paths: Sequence[str]) ->
                         else f"{path} cannot be told from the initial states in this record: do not free it."
                     )
     return found
+
+
+def _no_windows(record: Record, window: float) -> str:
+    """Why a record has no windows of this length, s, to fit."""
+    longest, interval = max(float(np.ptp(record.time[s])) for s in record.segments), record.sample_interval
+    if window < 2.0 * interval:
+        return (
+            f"GreyBox needs windows of at least two samples, {2.0 * interval:g} s in this record, got window="
+            f"{window:g}: give a longer one."
+        )
+    needed = f"a stretch of at least {window:g} s without a gap"
+    if longest >= window:
+        return (
+            f"GreyBox needs {needed} in which the commands determine the actuators' positions, and in which a float "
+            "is below the surface; got none: record longer or choose a shorter window."
+        )
+    return f"GreyBox needs {needed}, got {longest:.1f} s: record longer or choose a shorter window."
 
 
 def _no_estimate(path: str, estimates: Sequence[Estimate]):

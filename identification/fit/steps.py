@@ -1,7 +1,8 @@
-"""The longest integration steps that leave fits to a record unchanged."""
+"""The longest integration steps that leave fits to a record unchanged, or make it likelier."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 
@@ -17,6 +18,8 @@ from identification.fit.shooting import Shooting
 MOST_MOVED, _MOST_BEFORE = 0.1, 0.3
 _PARTS = (1, 2, 4, 8)  # of a sample
 _WORTH = 2.0  # least factor for longer steps: shorter ones save less than a fit that has to be repeated costs
+_FINER = (2, 4)  # of the vehicle's own step
+_LIKELIER = 2.0  # log-likelihood that finer steps must gain: they cost time, and no effect is named for less
 
 
 def brisk(problem: PredictionErrors) -> PredictionErrors:
@@ -39,19 +42,36 @@ def brisk(problem: PredictionErrors) -> PredictionErrors:
     return problem
 
 
-def suited(given: PredictionErrors, problem: PredictionErrors, point: Point) -> PredictionErrors:
-    """A problem with the longest steps, its own or shorter ones, that hardly move the filter of a point.
+def suited(given: PredictionErrors, problem: PredictionErrors, point: Point, paths: Sequence[str]) -> PredictionErrors:
+    """A problem with the longest steps, its own or shorter ones, that hardly move the filter of a fitted point.
 
     given: the problem in the vehicle's own steps.  The result of a fit may be more precise than the first guess of its
     noises suggests: if hardly anything pushes the vehicle, its filter follows the model and not the readings, and the
-    integration errors accumulate.
+    integration errors accumulate.  Steps finer than the vehicle's own are taken if the record is likelier with them:
+    the sea takes none, but a simulated record may have the errors of the vehicle's own.
     """
-    if problem.plant.longest_step <= given.plant.longest_step:
+    if problem.plant.longest_step < given.plant.longest_step:
         return problem
+    finer = _finer(given, point, paths)
+    if finer is not given or problem.plant.longest_step == given.plant.longest_step:
+        return finer
     shorter = (problem.record.sample_interval / parts for parts in _PARTS)
     tried = (in_steps(given, s) for s in shorter if given.plant.longest_step < s < 0.99 * problem.plant.longest_step)
     # False where a run is not finite
     return next((one for one in (problem, *tried) if moved_by_steps(one, given, point) < MOST_MOVED), given)
+
+
+def _finer(given: PredictionErrors, point: Point, paths: Sequence[str]) -> PredictionErrors:
+    """The problem in a half or a quarter of its steps if the record is likelier so, else itself."""
+    half, quarter = (in_steps(given, given.plant.longest_step / parts) for parts in _FINER)
+    if not moved_by_steps(given, quarter, point) >= MOST_MOVED:  # hardly, or a run is not finite
+        return given
+    finer = half if moved_by_steps(half, quarter, point) < MOST_MOVED else quarter
+    own, other = (
+        problem.objective(problem.descended(problem.with_gains(point, point.vector), paths), paths)
+        for problem in (given, finer)
+    )
+    return finer if other - own > _LIKELIER else given
 
 
 def in_steps(problem: PredictionErrors, longest: float) -> PredictionErrors:

@@ -79,7 +79,8 @@ def separation(
     for _ in range(_REFITS):
         if not all(np.isfinite(problem.total(point)) for problem, point in tasks):
             break
-        slopes, residual = (np.concatenate(parts, axis=-1) for parts in zip(*(_told(*task, paths) for task in tasks)))
+        told = [_told(problem, point, paths) for problem, point in tasks]
+        slopes, residual = (np.concatenate(parts, axis=-1) for parts in zip(*told, strict=True))
         columns = slopes.T
         if known is not None:
             columns = np.vstack([columns, known.root])

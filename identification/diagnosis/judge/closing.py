@@ -39,10 +39,13 @@ class ClosedLoop:
     words: str
 
 
-def closed_loop(record: Record, stages: Mapping[str, Plant], name: str = "the log") -> tuple[ClosedLoop, ...]:
+def closed_loop(
+    record: Record, stages: Mapping[str, Plant], name: str = "the log", last: str = "after"
+) -> tuple[ClosedLoop, ...]:
     """Compare the closed loop of each model of a diagnosis with the log, for each channel with set points in the log.
 
-    stages: the vehicle as "given", "before" and "after".  name: what to call the log in the text.
+    stages: the vehicle as "given", "before" and "after".  name: what to call the log in the text.  last: what to call
+    the vehicle "after" there.
 
     The vehicle's autopilot steers the model to the log's set points.  The autopilot is also run on the logged readings;
     the difference between the logged commands and these (an excitation, or another controller's behaviour) is added to
@@ -72,7 +75,7 @@ def closed_loop(record: Record, stages: Mapping[str, Plant], name: str = "the lo
     for stage, model in stages.items():
         same = next((runs[n] for n in runs if np.array_equal(stages[n].vector, model.vector)), None)
         runs[stage] = steered(model, controller, record, targets, told) if same is None else same
-    return tuple(_judged(target, record, {s: run[target] for s, run in runs.items()}, name) for target in targets)
+    return tuple(_judged(target, record, {s: run[target] for s, run in runs.items()}, name, last) for target in targets)
 
 
 def targets_of(plant: Plant, record: Record) -> tuple[str, ...]:
@@ -184,16 +187,22 @@ def _beginning(record: Record) -> Record:
     return record if len(record) <= MOST_SAMPLES else record.select(np.arange(len(record)) < MOST_SAMPLES)
 
 
-def _judged(name: str, record: Record, runs: Mapping[str, np.ndarray], log: str) -> ClosedLoop:
+def _judged(name: str, record: Record, runs: Mapping[str, np.ndarray], log: str, last: str) -> ClosedLoop:
     logged = _errors(name, record, record[name])
     errors = {stage: _errors(name, record, run) for stage, run in runs.items()}
     apart = {stage: inf if np.isinf(runs[stage]).any() else _rms(_apart(name, errors[stage], logged)) for stage in runs}
     unit = channel(name).unit
     said = {stage: quantity(v, unit) if np.isfinite(v) else "no stable run" for stage, v in apart.items()}
-    begin = "as given" if runs["before"] is runs["given"] else "before"
+    if runs["after"] is runs["before"]:
+        told = f"{said['given']} as given"
+        told += "" if runs["before"] is runs["given"] else f" and {said['before']} refitted"
+    else:
+        told = (
+            f"{said['before']} {'as given' if runs['before'] is runs['given'] else 'before'} and {said['after']} {last}"
+        )
     words = (
         f"In closed loop, the RMS error of {channel(name).label} was {quantity(_rms(logged), unit)} in {log}. The "
-        f"simulated loop differs from the logged one by {said['before']} {begin} and {said['after']} after."
+        f"simulated loop differs from the logged one by {told}."
     )
     tracking = {stage: inf if np.isinf(runs[stage]).any() else _rms(e) for stage, e in errors.items()}
     return ClosedLoop(name, unit, _rms(logged), apart["given"], apart["before"], apart["after"], tracking, words)

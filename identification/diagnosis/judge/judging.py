@@ -103,7 +103,10 @@ def judge(log: CheckedLog, searched: Searched, source: str, progress: Progress) 
         unfinished=tuple(bench.unfinished),
     )
     steered, name = last_log(after.plant, record)
-    loops = extras.attempt("The closed loop with each model", lambda: closed_loop(steered, diagnosis.plants, name), ())
+    last = "after" if "after" in diagnosis.stages else "refitted"
+    loops = extras.attempt(
+        "The closed loop with each model", lambda: closed_loop(steered, diagnosis.plants, name, last), ()
+    )
     final = discovery.state if discovery is not None and discovery.holds else state
     spread = bench.spread(final) if final.finite else ()
     currents = extras.attempt("The current of each dive", lambda: dive_currents(after.plant, record, spread), ())

@@ -12,13 +12,15 @@ from identification.diagnosis.judge.result import WORSE, Stage
 from identification.diagnosis.judge.scoring import Scoring
 from identification.diagnosis.search.discovery import Discovery, discover, library_of
 from identification.diagnosis.search.remainder import what_is_left
+from identification.diagnosis.search.workbench import State, Workbench
 
 
 @dataclass(frozen=True, eq=False)
 class Remaining:
     """The description of the remaining errors.
 
-    after: the vehicle, with the discovered term if it holds.  habitat: where the error lives that still remains.
+    after: the vehicle, with the discovered term if it holds.  habitat: where the error lives that still
+    remains; None if random accelerations push the vehicle.
     """
 
     after: Stage
@@ -49,8 +51,13 @@ def what_remains(scoring: Scoring, found: Reported, after: Stage) -> Remaining:
         else:
             after, still = tried, what_is_left(bench, discovery.state)
     habitat = None
-    if still:
+    if still and not _pushed(bench, discovery.state):
         habitat = extras.attempt(
             "The description of what remains", lambda: residual_habitat(after.fitted, log.record, rng), None
         )
     return Remaining(after, discovery, habitat)
+
+
+def _pushed(bench: Workbench, state: State) -> bool:
+    """Whether random accelerations push the vehicle: they make free runs err, wherever and however long they do."""
+    return bench.problem.is_pushed(state.point)

@@ -87,7 +87,8 @@ def _sentence(d: Result) -> str:
         kind = "constant" if unsteady_sentence(d) else "known"
         return f"The log and the model disagree, and no {kind} effect explains the difference.{_alike(d)}"
     count = "an effect" if len(names) == 1 else f"{len(names)} effects"
-    return f"The model is missing {count}: {'; '.join(names)}."
+    small = ", certain but small" if all(_most_changed(d, e)[0] < SLIGHT for e in d.effects) else ""
+    return f"The model is missing {count}{small}: {'; '.join(names)}."
 
 
 def _errs_more_than_sensors(d: Result) -> bool:
@@ -245,15 +246,19 @@ def _slight_sentence(d: Result) -> str:
     """Effects that are certain but too small to matter."""
     told = []
     for e in d.effects:
-        most = max(((size / d.noise_of(name), name) for name, size in e.changes.items()), default=(np.inf, ""))
-        if most[0] < SLIGHT:
-            name = most[1]
+        share, name = _most_changed(d, e)
+        if share < SLIGHT:
             size, noise = quantity(e.changes[name], channel(name).unit), quantity(d.noise_of(name), channel(name).unit)
             told.append(
                 f"{capital(e.name)} is certain but small: it changes free runs {d.reach} by {size} in "
                 f"{channel(name).label}, where the sensor noise is {noise}, and by even less in other channels."
             )
     return " ".join(told)
+
+
+def _most_changed(d: Result, e: Effect) -> tuple[float, str]:
+    """The largest change of free runs by an effect, over the noise of the channel's sensor, and the channel."""
+    return max(((size / d.noise_of(name), name) for name, size in e.changes.items()), default=(np.inf, ""))
 
 
 def _logs_sentence(d: Result) -> str:
@@ -335,14 +340,17 @@ def left_sentence(d: Result) -> str:
     if left.changes and left.changes not in {*d.dropped, *(e.path for e in d.alike)}:
         title = spec_at(d.state.plant, left.changes).title or left.changes
         if left.changes != CLOCK:
-            text += f"The {title} differs between parts of the log: something changed during the log. "
+            text += (
+                f"The {title} differs between parts of the log: something changed during the log. "
+                f"{capital(_sought(d, 'when that was'))}. "
+            )
         elif not replace(left, changes=""):  # if more is left than a clock error would cause, it is hardly the clock
             text += "What remains acts like a clock of the log whose rate differs between parts of it. "
     if left.passing:
         title = spec_at(d.state.plant, left.passing).title or left.passing
         text += (
             f"Something began, ended or changed during the log that acts like this effect: {title}. "
-            f"{capital(_sought(d, 'when'))}. "
+            f"{capital(_sought(d, 'when that was'))}. "
         )
     return text
 
@@ -372,7 +380,7 @@ def _error_sentence(d: Result) -> str:
         f"{d.given.unseen.label(name)} {quantity(d.given.scores[name].rmse, channel(name).unit)}" for name in worse
     ]
     why = "A refit optimises one-step predictions, which may worsen free runs if an effect is missing."
-    if d.added:
+    if d.added and d.after is not d.refitted:
         why = "The refit without the effects optimises one-step predictions, which may worsen free runs."
     elif d.only_pushed:
         why = "Free runs do not include the random accelerations, and may come out worse by chance."

@@ -40,7 +40,7 @@ class Known:
         return self.bench.plant
 
     def in_suited_steps(self, state: State) -> Known:
-        """The same fits in shorter integration steps if the present ones move the filter of a state, else unchanged."""
+        """The same fits in other integration steps if the present ones do not suit a state, else unchanged."""
         return self.on(self.bench.in_suited_steps(state))
 
     def suited_to(self, state: State) -> Known:
@@ -49,7 +49,10 @@ class Known:
         state: the end of a search; before it, missing effects may mislead in another way.
         """
         rows = self.bench.in_suited_rows(state)
-        return self.in_suited_steps(state) if rows is self.bench else self.on(rows)
+        if rows is self.bench:
+            return self.in_suited_steps(state)
+        found = self.on(rows)
+        return found.in_suited_steps(found.nominal)
 
     def on(self, bench: Workbench) -> Known:
         """The same fits on a bench with other steps or rows."""

@@ -100,8 +100,8 @@ class Workbench:
         return known[question]
 
     def in_suited_steps(self, state: State) -> Workbench:
-        """A bench with shorter integration steps if the present ones move the filter of a state, else itself."""
-        problem = suited(self._as_stepped, self.problem, state.point)
+        """A bench with other integration steps if the present ones do not suit a state, else itself."""
+        problem = suited(self._as_stepped, self.problem, state.point, state.paths)
         if problem is self.problem:
             return self
         other = copy(self)

@@ -46,12 +46,14 @@ def found(log):
         monkeypatch.setattr(judging, "closed_loop", broken)
         for name in ("residual_habitat", "discover"):
             monkeypatch.setattr(remaining, name, broken)
+        monkeypatch.setattr(remaining, "_pushed", lambda bench, state: False)
         return diagnose(log, load_vehicle("slocum"))
 
 
 def test_every_extra_may_fail_and_the_result_stays(whole, found):
     assert whole.verdict == "unexplained"
     assert whole.failures == ()
+    assert whole.habitat is None  # random accelerations push this vehicle
     assert whole.loops
     assert found.verdict == whole.verdict
     assert found.unexplained

@@ -109,6 +109,14 @@ def test_what_cannot_be_fitted_is_refused_with_a_reason():
         GreyBox(plant, ["hull.nr"])
     with pytest.raises(ValueError, match="twice"):
         GreyBox(plant, ["hull.n_r", "hull.n_r"])
+    with pytest.raises(ValueError, match=r"free needs a list of names, got the text 'hull\.n_r'"):
+        GreyBox(plant, "hull.n_r")
+    with pytest.raises(ValueError, match="max_iterations needs a whole number of at least 1, got 0"):
+        GreyBox(plant, ["hull.n_r"], max_iterations=0)
+    with pytest.raises(ValueError, match=r"GreyBox needs a vehicle, got 'slocum': give load_vehicle"):
+        GreyBox("slocum", ["hull.n_r"])
+    with pytest.raises(ValueError, match="windows of at least two samples, 8 s in this record, got window=4"):
+        GreyBox(plant, ["hull.n_r"], window=4.0).fit(slocum_log(0, duration=60.0))
     with pytest.raises(ValueError, match="at least one record"):
         GreyBox(plant, ["hull.n_r"]).fit()
     with pytest.raises(ValueError, match="stretch of at least 120 s"):

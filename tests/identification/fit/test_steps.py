@@ -1,5 +1,7 @@
 """Tests of integration steps, which are longer if this moves no estimate."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -51,11 +53,11 @@ def test_steps_are_judged_again_with_what_a_fit_has_found():
     point = problem.solve(plant, ())
     assert problem.noise_at(point).process == {}
     assert moved_by_steps(faster, problem, point) > MOST_MOVED
-    better = suited(problem, faster, point)
+    better = suited(problem, faster, point, ())
     assert plant.longest_step <= better.plant.longest_step < faster.plant.longest_step
     assert moved_by_steps(better, problem, point) < MOST_MOVED
-    assert suited(problem, better, point) is better
-    assert suited(problem, problem, point) is problem
+    assert suited(problem, better, point, ()) is better
+    assert suited(problem, problem, point, ()) is problem
 
 
 def test_steps_shorter_than_given_ones_are_not_tried():
@@ -80,3 +82,15 @@ def test_longer_steps_move_no_estimate_and_are_not_kept_in_the_fitted_plant(monk
     monkeypatch.setattr(steps, "MOST_MOVED", 0.0)  # as if any movement mattered
     again = GreyBox(plant, free, window=20.0).fit(record)
     assert [again[path].value for path in free] == [fine[path].value for path in free]
+
+
+@pytest.mark.parametrize("parts, finer", [(1, False), (4, True)])
+def test_steps_finer_than_the_vehicles_own_are_taken_where_the_record_is_likelier_with_them(parts, finer):
+    """The record of a vehicle in coarse steps has their errors, that of one in fine steps, like the sea, has not."""
+    coarse = replace(load_vehicle("bluerov2_heavy"), longest_step=0.05)
+    true = replace(coarse, longest_step=coarse.longest_step / parts)
+    record = run_mission(true, np.random.default_rng(1), duration=40.0)
+    problem = PredictionErrors(coarse, record, free_run_windows(coarse, record, 20.0))
+    better = suited(problem, problem, problem.solve(coarse, ()), ())
+    assert (better.plant.longest_step < coarse.longest_step) is finer
+    assert suited(problem, better, problem.first_point(), ()) is better

@@ -231,8 +231,8 @@ def _sketch(mass: MovingMass) -> tuple[Sketch, ...]:
     return (Sketch(((x - half, y, mass.z), (x + half, y, mass.z))),)
 
 
-_SLIDES = Command("m", lambda mass: (-mass.back, mass.forth), required=False, inside="slide")
-_TURNS = Command("rad", lambda mass: (-mass.turn, mass.turn), required=False, inside="turn")
+_SLIDES = Command("m", lambda mass: (-mass.back, mass.forth), required=False, inside="slide", quantity="position")
+_TURNS = Command("rad", lambda mass: (-mass.turn, mass.turn), required=False, inside="turn", quantity="angle")
 
 
 def _form(motion: str, effects: type, commands: tuple[Command, ...], functions: tuple[Any, Any, Any, Any]) -> PartKind:

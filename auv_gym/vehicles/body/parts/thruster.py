@@ -47,9 +47,9 @@ class Thruster:
     thrust. limit: largest c.
     """
 
-    x: float = param(0.0, "m", "{}, forward", bounds=(-50.0, 50.0))
-    y: float = param(0.0, "m", "{}, starboard", bounds=(-10.0, 10.0))
-    z: float = param(0.0, "m", "{}, down", bounds=(-10.0, 10.0))
+    x: float = param(0.0, "m", "place of the {}, forward", bounds=(-50.0, 50.0))
+    y: float = param(0.0, "m", "place of the {}, to starboard", bounds=(-10.0, 10.0))
+    z: float = param(0.0, "m", "place of the {}, down", bounds=(-10.0, 10.0))
     to_x: float = param(1.0, "1", "direction of the {}, forward", bounds=(-1.0, 1.0))
     to_y: float = param(0.0, "1", "direction of the {}, starboard", bounds=(-1.0, 1.0))
     to_z: float = param(0.0, "1", "direction of the {}, down", bounds=(-1.0, 1.0))

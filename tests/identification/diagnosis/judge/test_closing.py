@@ -88,3 +88,24 @@ def test_the_commands_at_the_log_are_those_of_every_model():
         assert np.array_equal(alone[name], told_so[name])
     missing = record.without([given.outputs[0]])
     assert commands_at_log_samples(given, controller, missing, targets) is None
+
+
+@pytest.mark.parametrize("last", ["after", "refitted"])
+def test_a_loop_is_told_by_what_the_vehicle_is_called(last):
+    given = load_vehicle("slocum")
+    record = run_mission(given, np.random.default_rng(0), duration=120.0)
+    other = replace_at(given, "effects.rudder.offset", 0.05)
+    (loop,) = closed_loop(record, {"given": given, "before": given, "after": other}, last=last)
+    assert " as given and " in loop.words
+    assert loop.words.endswith(f"{last}.")
+
+
+def test_a_loop_in_which_nothing_was_found_has_no_before_and_after():
+    given = load_vehicle("slocum")
+    record = run_mission(given, np.random.default_rng(0), duration=120.0)
+    other = replace_at(given, "effects.rudder.offset", 0.05)
+    (same,) = closed_loop(record, {"given": given, "before": given, "after": given})
+    (refitted,) = closed_loop(record, {"given": given, "before": other, "after": other})
+    assert same.words.endswith("as given.")
+    assert refitted.words.endswith("refitted.")
+    assert "after" not in same.words + refitted.words.split("differs")[1]

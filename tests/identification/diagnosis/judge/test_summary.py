@@ -118,13 +118,20 @@ def test_which_effects_differ_between_parts_is_said():
     assert left_sentence(dropped) == ""  # type: ignore[arg-type]  # `dropped_sentence` says it
 
 
+CHANGES = (
+    "The yaw moment from u r differs between parts of the log: something changed during the log. "
+    "Auv-gym onset looks for when that was. "
+)
+
+
 def test_of_a_clock_is_said_what_the_rest_acts_like_and_of_a_coefficient_that_it_differs():
     plant = load_vehicle("npsauv")
     for path, words in (
         ("effects.clock.rate", "What remains acts like a clock of the log whose rate differs between parts of it. "),
-        ("hull.yaw.ur", "The yaw moment from u r differs between parts of the log: something changed during the log. "),
+        ("hull.yaw.ur", CHANGES),
     ):
-        d = SimpleNamespace(alike=(), dropped={}, state=SimpleNamespace(plant=plant), left=Left(changes=path))
+        record, state = SimpleNamespace(labels=("",)), SimpleNamespace(plant=plant)
+        d = SimpleNamespace(alike=(), dropped={}, state=state, record=record, left=Left(changes=path))
         assert left_sentence(d) == words  # type: ignore[arg-type]
         d.left = Left(gusts=("r_radps",), changes=path)
         said = left_sentence(d)  # type: ignore[arg-type]
