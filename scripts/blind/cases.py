@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -19,7 +20,9 @@ from identification.fit.followed import Point
 from identification.fit.prediction_errors import PredictionErrors
 from scripts.blind.kinds import effects_of, kind_of, known, log_of, outside_log
 from scripts.blind.logs import Conditions
-from scripts.blind.outside import SIZES, VISIBLE, excess
+from scripts.blind.outside import sized
+from scripts.blind.pushed import PUSHED, pushed_log, pushed_plant
+from scripts.blind.sampling import EVEN
 
 
 @dataclass(frozen=True)
@@ -56,8 +59,19 @@ _GROUPS = (
     ),
 )
 FAMILIES: Mapping[str, Group] = {group.name: group for group in _GROUPS}
-KINDS = {"none": 0.16, "one": 0.3, "two": 0.14, "one_wrong": 0.14, "none_wrong": 0.1, "outside": 0.16}
-EFFECTS = {"none": 0, "one": 1, "two": 2, "one_wrong": 1, "none_wrong": 0, "outside": 0}
+KINDS = {  # and their shares of the cases; those with a share of 0 are drawn only if they are asked for
+    "none": 0.16,
+    "one": 0.3,
+    "two": 0.14,
+    "one_wrong": 0.14,
+    "none_wrong": 0.1,
+    "outside": 0.16,
+    "none_pushed": 0.0,
+    "one_pushed": 0.0,
+}
+EFFECTS = {"one": 1, "two": 2, "one_wrong": 1, "one_pushed": 1}  # how many are missing, none in cases of other kinds
+PUSH = 1.0  # see `Conditions`, of pushed cases
+FRESH = 5  # most attempts to draw another log of a case's vehicle
 WRONG = 0.1  # relative standard deviation of a wrong coefficient
 MULTIPLES = (2.0, 6.0)  # of the detectable size
 PERIOD_OF = dict.fromkeys(("effects.water.heave_sin", "effects.water.heave_cos"), "effects.water.heave_period")
@@ -88,7 +102,8 @@ class Drawn:
     """A case with its log, the true vehicle and the one that the modeller believes in.
 
     effects: value by path; detectable: size by path, that such a log would just show.  wrong: (true, given) by path.
-    cause, size: of a case outside the library.  attempts: number of draws.
+    cause, size, excess: of a case outside the library.  attempts: number of draws.  fresh: another log of the true
+    vehicle under the same conditions, None for a case outside the library or if the vehicle could not be controlled.
     """
 
     case: Case
@@ -100,20 +115,34 @@ class Drawn:
     wrong: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     cause: str = ""
     size: float = 0.0
+    excess: float = 0.0
     attempts: int = 1
+    fresh: Record | None = None
 
 
-def sketch(seed: int, number: int, family: str = "") -> Case:
-    """The case of a number, without its log; family: one that is not drawn by default."""
+def sketch(seed: int, number: int, family: str = "", kind: str = "", sampling: str = EVEN) -> Case:
+    """The case of a number, without its log; family, kind: in place of the drawn ones.
+
+    Raises ValueError if the family has no vehicle whose logs can be pushed, for a kind of case that needs one.
+    """
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, 0)))
-    kind = str(rng.choice(list(KINDS), p=list(KINDS.values())))
+    of_kinds = str(rng.choice(list(KINDS), p=list(KINDS.values())))
     drawn = str(rng.choice([name for name, group in FAMILIES.items() if group.drawn]))
-    family = family or drawn
-    group = FAMILIES[family]
-    vehicle = str(rng.choice(group.vehicles))
+    kind, family = kind or of_kinds, family or drawn
+    group, pushed = FAMILIES[family], kind.endswith("_pushed")
+    vehicles = [name for name in group.vehicles if not pushed or name in PUSHED]
+    if not vehicles:
+        some = [name for name, group in FAMILIES.items() if set(group.vehicles) & set(PUSHED)]
+        raise ValueError(f"Cases of kind {kind} are made of the families {', '.join(some)}, got {family}.")
+    vehicle = str(rng.choice(vehicles))
     duration = float(np.round(rng.uniform(*group.durations), -1)) if group.durations else 600.0
-    conditions = Conditions(float(rng.choice([0.5, 1.0, 2.0])), float(rng.uniform(0.7, 1.3)), duration, group.measured)
-    return Case(seed, number, kind, family, vehicle, conditions, group.window, group.settle)
+    noise, excitation = float(rng.choice([0.5, 1.0, 2.0])), float(rng.uniform(0.7, 1.3))
+    conditions = Conditions(noise, excitation, duration, group.measured, sampling)
+    if not pushed:
+        return Case(seed, number, kind, family, vehicle, conditions, group.window, group.settle)
+    water = int(rng.integers(2**31))
+    own = replace(conditions, excitation=1.0, duration=PUSHED[vehicle].duration, push=PUSH, water=water)
+    return Case(seed, number, kind, family, vehicle, own, None, None)
 
 
 def draw(case: Case) -> Drawn:
@@ -122,43 +151,61 @@ def draw(case: Case) -> Drawn:
     Raises Undrawn if that is so in every attempt.
     """
     rng = np.random.default_rng(np.random.SeedSequence(case.seed, spawn_key=(case.number, 1)))
-    true = known(case.vehicle)
+    true = pushed_plant(case.vehicle) if case.conditions.push else known(case.vehicle)
+    why = ""
     for attempt in range(1, ATTEMPTS + 1):
         try:
             found = _outside(case, true, rng) if case.kind == "outside" else _within(case, true, rng)
-        except (ValueError, Diverged, np.linalg.LinAlgError):  # the vehicle could not be controlled
+        except (ValueError, Diverged, np.linalg.LinAlgError) as error:  # the vehicle could not be controlled
+            why = f" The last error: {error}"
             continue
         if found is not None:
-            return Drawn(**found, case=case, attempts=attempt)
+            return Drawn(**found, case=case, attempts=attempt, fresh=_fresh(case, found["true"]))
     raise Undrawn(
-        f"Case {case.number} of seed {case.seed} ({case.kind}, {case.vehicle}) shows nothing in {ATTEMPTS} draws."
+        f"Case {case.number} of seed {case.seed} ({case.kind}, {case.vehicle}) shows nothing in {ATTEMPTS} draws.{why}"
     )
 
 
+def _fresh(case: Case, true: Plant) -> Record | None:
+    """Another log of the true vehicle, see `Drawn`."""
+    rng = np.random.default_rng(np.random.SeedSequence(case.seed, spawn_key=(case.number, 2)))
+    for seed in rng.integers(2**31, size=FRESH if case.kind != "outside" else 0).tolist():
+        try:
+            return _log_for(case)(true, case.conditions, seed)
+        except (ValueError, Diverged, np.linalg.LinAlgError):
+            continue
+    return None
+
+
+def _log_for(case: Case) -> Callable[[Plant, Conditions, int], Record]:
+    """The function that makes a log of a case's vehicle, by its seed."""
+    return pushed_log if case.conditions.push else log_of
+
+
 def _within(case: Case, plant: Plant, rng: np.random.Generator) -> dict | None:
-    seed = int(rng.integers(2**31))
+    seed, make = int(rng.integers(2**31)), _log_for(case)
     believed, wrong = plant, {}
     if case.kind.endswith("_wrong"):
         given = {p: value_at(plant, p) * (1.0 + WRONG * rng.standard_normal()) for p in plant.doubted}
         believed = replace_at(plant, given)
         wrong = {p: (value_at(plant, p), given[p]) for p in given}
     values, detectable, shared = {}, {}, plant
-    names = [str(p) for p in rng.choice(effects_of(case.vehicle), EFFECTS[case.kind], replace=False)]
+    names = [str(p) for p in rng.choice(effects_of(case.vehicle), EFFECTS.get(case.kind, 0), replace=False)]
     if len({_together(p) for p in names}) < len(names):
         return None
     if names:
         periods = {PERIOD_OF[p]: float(np.exp(rng.uniform(*np.log(PERIODS)))) for p in names if p in PERIOD_OF}
         shared = replace_at(plant, periods)
-        clean = log_of(plant, case.conditions, seed)
+        clean = make(plant, case.conditions, seed)
         detectable = detectable_sizes(shared, clean, names)
         for path in names:
             value = _value(plant, path, detectable[path], rng)
-            if value is None or _same(log_of(replace_at(shared, {path: value}), case.conditions, seed), clean):
+            if value is None or _same(make(replace_at(shared, {path: value}), case.conditions, seed), clean):
                 return None
             values[path] = value
         values |= periods
     true = replace_at(plant, values)
-    record = log_of(true, case.conditions, seed)
+    record = make(true, case.conditions, seed)
     effects = {path: values[path] for path in names}
     return {
         "record": record, "true": true, "believed": believed, "effects": effects, "detectable": detectable,
@@ -169,11 +216,14 @@ def _within(case: Case, plant: Plant, rng: np.random.Generator) -> dict | None:
 def _outside(case: Case, plant: Plant, rng: np.random.Generator) -> dict | None:
     cause, seed = str(rng.choice(kind_of(plant).causes)), int(rng.integers(2**31))
     clean = log_of(plant, case.conditions, seed)
-    for size in SIZES:
-        record = outside_log(plant, cause, size, case.conditions, seed)
-        if excess(plant, record, clean, case.window or plant.window) > VISIBLE:
-            return {"record": record, "true": plant, "believed": plant, "cause": cause, "size": size}
-    return None
+    make = partial(outside_log, plant, cause, conditions=case.conditions, seed=seed)
+    found = sized(plant, make, clean, case.window or plant.window)
+    if found is None:
+        return None
+    return {
+        "record": found.record, "true": plant, "believed": plant, "cause": cause, "size": found.size,
+        "excess": found.excess,
+    }  # fmt: skip
 
 
 def detectable_sizes(plant: Plant, clean: Record, paths: list[str]) -> dict[str, float]:

@@ -17,6 +17,7 @@ from scripts.blind.own_torpedo import SENSORS
 
 At = Callable[[float], Plant]  # the plant at a time, s, as the log counts
 _RUN_IN = 30.0  # s, before a glider's log begins
+SURFACED = 600.0  # s, from the last sample of a dive to the first of the next
 
 
 @final
@@ -76,6 +77,19 @@ class ChangingTorpedo:
         return self.at(time).step_over(x, u, duration)
 
 
+@dataclass(eq=False)
+class _Dives:
+    """The clock of a log of dives: when the present dive began, and the time of its latest sample, s."""
+
+    begun: float = -SURFACED
+    sampled: float = 0.0
+
+    def begin(self) -> float:
+        """Begin a dive; return its time."""
+        self.begun, self.sampled = self.begun + self.sampled + SURFACED, 0.0
+        return self.begun
+
+
 @final
 @dataclass(frozen=True, eq=False)
 class ChangingSwim:
@@ -83,11 +97,13 @@ class ChangingSwim:
 
     swim: Swim
     at: At
+    dives: _Dives
 
     @classmethod
     def starting(cls, plant: Plant, at: At) -> Callable[..., ChangingSwim]:
-        """A function that starts the float."""
-        return lambda given, *where: cls(Swim.start(replace(at(0.0), dt=given.dt), *where), at)
+        """A function that starts the float for each dive."""
+        dives = _Dives()
+        return lambda given, *where: cls(Swim.start(replace(at(dives.begin()), dt=given.dt), *where), at, dives)
 
     @property
     def depth(self) -> float:
@@ -102,5 +118,43 @@ class ChangingSwim:
         return self.swim.time
 
     def onward(self, inputs: dict[str, float], duration: float) -> ChangingSwim:
-        swim = self.swim.onward(inputs, duration)
-        return replace(self, swim=replace(swim, plant=replace(self.at(swim.time), dt=swim.plant.dt)))
+        self.dives.sampled, swim = self.swim.time, self.swim.onward(inputs, duration)
+        now = self.at(self.dives.begun + swim.time)
+        return replace(self, swim=replace(swim, plant=replace(now, dt=swim.plant.dt)))
+
+
+@final
+@dataclass(eq=False)
+class ChangingFlight:
+    """A flying glider for `identification.experiments.glider_dives.yo_mission`, whose clock is `elapsed_s`."""
+
+    plant: Plant
+    at: At
+    dt: float
+    longest_step: float
+
+    def __post_init__(self) -> None:
+        self._given: Plant | None = None
+        self._now = self._at(0.0)
+
+    @classmethod
+    def of(cls, plant: Plant, at: At) -> ChangingFlight:
+        return cls(plant, at, plant.dt, plant.longest_step)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.plant, name)
+
+    def _at(self, time: float) -> Plant:
+        given = self.at(time)
+        if given is not self._given:  # a new plant compiles nothing, but derives all of its numbers
+            self._given, self._now = given, replace(given, dt=self.dt, longest_step=self.longest_step)
+        return self._now
+
+    def initial(self, y0: np.ndarray) -> np.ndarray:
+        return self._now.initial(y0)
+
+    def output(self, x: np.ndarray) -> np.ndarray:
+        return self._now.output(x)
+
+    def step(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        return self._at(float(u[self.plant.inputs.index("elapsed_s")])).step(x, u)

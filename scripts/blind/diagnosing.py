@@ -13,6 +13,7 @@ from pathlib import Path
 from time import perf_counter
 
 from auv_gym.model import Diverged
+from auv_gym.param import list_paths, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
 from identification.diagnosis import as_json, diagnose
@@ -22,15 +23,22 @@ REFUSED = "refused"
 
 
 def diagnose_folder(folder: Path) -> dict:
-    """The diagnosis as plain data with its `seconds`; verdict "refused" and a reason if it raises."""
+    """The diagnosis as plain data with its `seconds`; verdict "refused" and a reason if it raises.
+
+    `changed` has the parameters, by path, in which the vehicle after the diagnosis differs from the given one.
+    """
     frame = read_json(folder / "frame.json")
     record, plant = Record.load(folder / "log.nc"), load_vehicle(folder / "vehicle.toml")
     start = perf_counter()
     try:
-        said = as_json(diagnose(record, plant, window=frame["window"], settle=frame["settle"]))
+        found = diagnose(record, plant, window=frame["window"], settle=frame["settle"])
     except (ValueError, Diverged) as error:
-        said = {"verdict": REFUSED, "reason": str(error)}
-    return said | {"seconds": perf_counter() - start}
+        return {"verdict": REFUSED, "reason": str(error), "seconds": perf_counter() - start}
+    after = found.plants["after"]
+    moved = {
+        path: value_at(after, path) for path in list_paths(plant) if value_at(after, path) != value_at(plant, path)
+    }
+    return as_json(found) | {"changed": moved, "seconds": perf_counter() - start}
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -11,7 +11,7 @@ import numpy as np
 from auv_gym.param import list_paths, spec_at
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.record import Record
-from scripts.blind.changing import At, Changing, ChangingSwim, ChangingTorpedo
+from scripts.blind.changing import At, Changing, ChangingFlight, ChangingSwim, ChangingTorpedo
 from scripts.blind.logs import (
     Conditions,
     dive_settings,
@@ -32,6 +32,7 @@ from scripts.blind.outside import (
     torpedo_outside,
     yo_outside,
 )
+from scripts.blind.sampling import recorded, simulated
 
 _NO_PISTON = "a float with an oil bladder has no piston"
 _NO_OIL = "a float with a piston logs no oil"
@@ -46,10 +47,10 @@ _NO_SURFACE = "the initial depth of each free run does the same, and none is at 
 class Kind:
     """A kind of vehicle, by the name of its family or, for a hull and its parts, by its kind.
 
-    log: makes one of the standard experiment.  outside: makes one of a vehicle without effects and with one of
-    `causes`, except "clock", whose errors are about `clock_spacing` s apart.  settings: of the standard experiment in
-    the study of single effects.  hidden: effects that no log of the kind can show, and why.  changing: replaces a
-    vehicle whose parameters vary with time.
+    log: makes one of the standard experiment, evenly sampled.  outside: makes one of a vehicle without effects and
+    with one of `causes`, except "clock", whose errors are about `clock_spacing` s apart.  settings: of the standard
+    experiment in the study of single effects.  hidden: effects that no log of the kind can show, and why.  changing:
+    replaces a vehicle whose parameters vary with time.
     """
 
     family: str
@@ -122,8 +123,17 @@ _KINDS = (
         _HIDDEN_IN_A_LAKE,
         ChangingSwim.starting,
     ),
-    Kind("float_oil", sea_log, sea_outside, ("drag", "tether", "clock"), 2e4, dive_settings, _HIDDEN_AT_SEA),
-    Kind("glide", yo_log, yo_outside, ("layer", "clock"), 1800.0, hidden=_HIDDEN_IN_FLIGHT),
+    Kind(
+        "float_oil",
+        sea_log,
+        sea_outside,
+        ("drag", "tether", "clock"),
+        2e4,
+        dive_settings,
+        _HIDDEN_AT_SEA,
+        ChangingSwim.starting,
+    ),
+    Kind("glide", yo_log, yo_outside, ("layer", "clock"), 1800.0, hidden=_HIDDEN_IN_FLIGHT, changing=ChangingFlight.of),
     Kind(
         "body", torpedo_log, torpedo_outside, ("drag", "side", "tether", "fin", "clock"), 25.0, changing=ChangingTorpedo
     ),
@@ -162,7 +172,8 @@ def log_of(plant: Plant, conditions: Conditions, seed: int) -> Record:
 
     Raises ValueError or Diverged if the vehicle cannot be controlled.
     """
-    return kind_of(plant).log(plant, conditions, np.random.default_rng(seed))
+    run = kind_of(plant).log(plant, simulated(conditions), np.random.default_rng(seed))
+    return recorded(plant, run, conditions, seed)
 
 
 def outside_log(plant: Plant, cause: str, size: float, conditions: Conditions, seed: int) -> Record:
@@ -171,5 +182,6 @@ def outside_log(plant: Plant, cause: str, size: float, conditions: Conditions, s
     Raises ValueError if the vehicle cannot be controlled.
     """
     kind, rng = kind_of(plant), np.random.default_rng([seed, 1])
-    record = kind.outside(plant, cause, size, conditions, np.random.default_rng(seed), rng)
-    return slipped_clock(record, size, kind.clock_spacing, rng) if cause == "clock" else record
+    run = kind.outside(plant, cause, size, simulated(conditions), np.random.default_rng(seed), rng)
+    run = slipped_clock(run, size, kind.clock_spacing, rng) if cause == "clock" else run
+    return recorded(plant, run, conditions, seed)

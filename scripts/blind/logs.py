@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from math import radians
 from typing import Any
 
@@ -18,6 +19,7 @@ from identification.experiments.glider_dives import yo_mission
 from identification.experiments.heading_control import closed_loop
 from identification.experiments.hovering import hover
 from identification.experiments.manoeuvres import NOISE, steer
+from scripts.blind.changing import SURFACED
 from scripts.blind.own_torpedo import manoeuvred
 
 _COMPASS, _TRACK = radians(0.5), 1.0  # rad, m
@@ -34,13 +36,18 @@ class Conditions:
     """The conditions of a log; noise, excitation: factors of the usual ones.
 
     duration: s, of a log of a torpedo, a glider or a vehicle with thrusters.  measured: by a vehicle with thrusters,
-    see `identification.experiments.hovering.hover`.
+    see `identification.experiments.hovering.hover`.  sampling: "even" or "realistic", see `scripts.blind.sampling`.
+    push: error that process noise causes in free runs of the true vehicle, over the noise of the leading sensor; 0: no
+    process noise.  water: seed of the correlation times of the process noise.
     """
 
     noise: float
     excitation: float
     duration: float
     measured: str = "all"
+    sampling: str = "even"
+    push: float = 0.0
+    water: int = 0
 
 
 def lake_settings(rng: np.random.Generator) -> dict[str, Any]:
@@ -54,7 +61,7 @@ def dive_settings(rng: np.random.Generator) -> dict[str, Any]:
     return {"target_depths": rng.permutation(np.linspace(300.0, 1500.0, 8)).tolist()}
 
 
-# `moving` replaces the plant, see `scripts.blind.changing`.
+# `moving` replaces the plant, see `scripts.blind.changing`; each dive has its own clock unless the plant is replaced.
 
 
 def glider_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, moving: Any = None) -> Record:
@@ -81,13 +88,13 @@ def lake_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, mov
 
 
 def yo_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, moving: Any = None) -> Record:
-    """Dives of a flying glider, which cannot be replaced, in water that moves up and down at random.
+    """Dives of a flying glider in water that moves up and down at random.
 
     Raises ValueError if a dive ends at the depth of neutral buoyancy.
     """
     depths = [conditions.excitation * depth for depth in rng.permutation(_YOS).tolist()]
     noise, every = conditions.noise * _YO_DEPTH, float(rng.choice(_SAMPLES))
-    record = yo_mission(plant, depths, rng=rng, noise=noise, dt=every)
+    record = yo_mission(plant, depths, rng=rng, noise=noise, dt=every, truth=lambda given: moving or given)
     ends = [(record["depth_m"][part][-1], record["depth_m"][part].max()) for part in record.segments]
     if any(last > 0.5 * deepest for last, deepest in ends):
         raise ValueError(f"{plant.name} does not come back from every dive: choose other effects.")
@@ -95,7 +102,8 @@ def yo_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, movin
     for part in record.segments:
         pushes = conditions.noise * _HEAVE[0] * rng.standard_normal(part.stop - part.start)
         rate[part] = lfilter([np.sqrt(1.0 - kept**2)], [1.0, -kept], pushes)
-    return heaved(record, rate)
+    record = heaved(record, rate)
+    return record if moving is None else continued(record)
 
 
 def heaved(record: Record, rate: np.ndarray) -> Record:
@@ -115,7 +123,19 @@ def heaved(record: Record, rate: np.ndarray) -> Record:
 def sea_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, moving: Any = None) -> Record:
     """Dives of a float with an oil bladder."""
     targets = [conditions.excitation * depth for depth in dive_settings(rng)["target_depths"]]
-    return oil_mission(plant, targets, rng=rng, noise=conditions.noise * _SEA_DEPTH, under_way=moving)
+    record = oil_mission(plant, targets, rng=rng, noise=conditions.noise * _SEA_DEPTH, under_way=moving)
+    return record if moving is None else continued(record)
+
+
+def continued(record: Record) -> Record:
+    """Dives on one clock, which rises through the log: that of `elapsed_s`, or one with `SURFACED` between dives."""
+    time = record.time
+    if record.has("elapsed_s"):
+        time = record["elapsed_s"]
+    else:
+        for before, part in pairwise(record.segments):
+            time[part] += time[before.stop - 1] + SURFACED - time[part.start]
+    return Record(record.dataset.assign_coords(time_s=("time_s", time)))
 
 
 def torpedo_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, moving: Any = None) -> Record:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
+from auv_gym.model import Diverged
 from auv_gym.plant import Plant
 from auv_gym.plant.cruise import find_cruise
 from auv_gym.plant.record_check import described
@@ -27,18 +29,60 @@ from scripts.blind.logs import (
 )
 from scripts.blind.own_glider import OwnGlider
 
-SIZES = (1.0, 2.0, 4.0, 8.0)  # tried in turn until the log shows the cause
-VISIBLE = 1.0  # least excess over the noise variance in some channel after a refit of the coefficients
+EXCESS = (1.2, 5.0)  # range over the noise variance, after a refit, in the channel where it is largest
+_SIZES = (1.0 / 64.0, 16.0)  # range of the sizes that are tried
+_TRIES = 10  # most sizes that are tried
+_FARTHEST = 4.0  # largest ratio between consecutive tries
 Draws = np.random.Generator  # for drawing the cause
 
 
 def excess(plant: Plant, record: Record, clean: Record, window: float) -> float:
     """Mean square residual after a refit, over that in a clean log, minus 1, in the channel where it is largest."""
-    left = []
-    for log in (described(plant, record), described(plant, clean)):
-        problem = Shooting(plant, log, free_run_windows(plant, log, window))
-        left.append(problem.sigma(problem.solve(plant, plant.family.coefficients, max_iterations=15)) ** 2)
-    return float(np.max(left[0] / left[1])) - 1.0
+    return float(np.max(left_over(plant, record, window) / left_over(plant, clean, window))) - 1.0
+
+
+def left_over(plant: Plant, record: Record, window: float) -> np.ndarray:
+    """Mean square residual of each channel in free runs of a plant whose coefficients are refitted."""
+    log = described(plant, record)
+    problem = Shooting(plant, log, free_run_windows(plant, log, window))
+    return problem.sigma(problem.solve(plant, plant.family.coefficients, max_iterations=15)) ** 2
+
+
+@dataclass(frozen=True, eq=False)
+class Sized:
+    """A log with a cause, the cause's size, and its excess."""
+
+    record: Record
+    size: float
+    excess: float
+
+
+def sized(plant: Plant, make: Callable[[float], Record], clean: Record, window: float) -> Sized | None:
+    """The log, made by its cause's size, whose excess lies in `EXCESS`; None if no such size is found.
+
+    clean: the log without the cause.  Raises the error of the smallest size if the vehicle cannot be controlled at any.
+    """
+    noise, low, high, size = left_over(plant, clean, window), 0.0, np.inf, 1.0
+    for _ in range(_TRIES):
+        try:
+            record = make(size)
+            found = float(np.max(left_over(plant, record, window) / noise)) - 1.0
+        except (ValueError, Diverged, np.linalg.LinAlgError):  # the vehicle could not be controlled
+            if size < _SIZES[0] * _FARTHEST:
+                raise
+            found = np.inf
+        else:
+            if EXCESS[0] <= found <= EXCESS[1]:
+                return Sized(record, size, found)
+        low, high = (max(low, size), high) if found < EXCESS[0] else (low, min(high, size))
+        if low > 0.0 and high < np.inf:
+            size = float(np.sqrt(low * high))
+        else:  # the excess is about proportional to the square of the size
+            aim = np.sqrt(np.sqrt(EXCESS[0] * EXCESS[1]) / max(found, 1e-3))
+            size *= float(np.clip(aim, 1.0 / _FARTHEST, _FARTHEST))
+        if not _SIZES[0] <= size <= _SIZES[1]:
+            return None
+    return None
 
 
 # Logs of a plant without effects and with a cause, "" for none; size: 1 is small. They raise ValueError if the

@@ -1,4 +1,4 @@
-"""The folders of a case: the log with the believed vehicle in one, the sealed truth in another."""
+"""The folders of a case: the log with the believed vehicle in one, the sealed truth with a fresh log in another."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from auv_gym.plant import save_vehicle
-from scripts.blind.cases import Drawn
+from scripts.blind.cases import Case, Drawn
+from scripts.blind.logs import Conditions
 from scripts.studies.runs import read_json, write_json
 
 
@@ -30,6 +31,8 @@ def seal(drawn: Drawn, out: Path) -> Path:
     save_vehicle(drawn.believed, log / "vehicle.toml")
     write_json(log / "frame.json", {"window": case.window, "settle": case.settle})
     save_vehicle(drawn.true, truth / "vehicle.toml")
+    if drawn.fresh is not None:
+        drawn.fresh.save(truth / "fresh.nc")
     facts = {
         "case": asdict(case),
         "effects": dict(drawn.effects),
@@ -37,6 +40,7 @@ def seal(drawn: Drawn, out: Path) -> Path:
         "wrong": {path: list(pair) for path, pair in drawn.wrong.items()},
         "cause": drawn.cause,
         "size": drawn.size,
+        "excess": drawn.excess,
         "attempts": drawn.attempts,
     }
     write_json(truth / "truth.json", facts)
@@ -46,3 +50,9 @@ def seal(drawn: Drawn, out: Path) -> Path:
 def read_truth(folder: Path) -> dict[str, Any]:
     """The truth of a case as written by `seal`."""
     return read_json(folder / "truth.json")
+
+
+def sealed_case(folder: Path) -> Case:
+    """The case whose truth a folder has."""
+    told = read_truth(folder)["case"]
+    return Case(**told | {"conditions": Conditions(**told["conditions"])})

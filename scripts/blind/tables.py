@@ -1,19 +1,21 @@
-"""Summaries of the scores of many cases: shares with their Wilson intervals, by kind and by family, and the misses."""
+"""Summaries of the scores of many cases: shares with their exact intervals, by kind and by family, and the misses."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import sqrt
 from typing import Any
 
 import numpy as np
 from rich.table import Table
+from scipy.stats import binomtest
 
 from auv_gym.cli.options.console import table
 from scripts.blind.cases import FAMILIES, KINDS
-from scripts.blind.scoring import FAILED
+from scripts.blind.scoring import CONFIDENT, FAILED
 
 GOAL = 1.15  # goal for the error in unseen parts over that of the true model
+NONE = "-"
+WIDE = 3  # causes that a name may mean; more of them are a wide tie
 WORDS = {
     "none": "nothing missing",
     "one": "one effect",
@@ -21,22 +23,24 @@ WORDS = {
     "one_wrong": "one, coef. wrong",
     "none_wrong": "nothing, coef. wrong",
     "outside": "outside library",
+    "none_pushed": "nothing, pushed",
+    "one_pushed": "one, pushed",
 }
+COVERED = {"covered": "named", "covered_in_ties": "in ties", "coefficients_covered": "coefficients"}
 Scores = Sequence[Mapping[str, Any]]
 
 
-def wilson(hits: int, count: int) -> tuple[float, float]:
-    """The 95 % interval of a share.  Source: Wilson 1927, J. Am. Stat. Assoc. 22."""
+def exact_interval(hits: int, count: int) -> tuple[float, float]:
+    """The exact 95 % interval of a share.  Source: Clopper and Pearson 1934, Biometrika 26."""
     if count == 0:
         return 0.0, 1.0
-    z, p = 1.959964, hits / count
-    middle, spread = p + z * z / (2 * count), z * sqrt(p * (1 - p) / count + z * z / (4 * count * count))
-    return max((middle - spread) / (1 + z * z / count), 0.0), min((middle + spread) / (1 + z * z / count), 1.0)
+    low, high = binomtest(int(hits), count).proportion_ci(0.95, method="exact")
+    return float(low), float(high)
 
 
 def share(hits: int, count: int) -> dict[str, float]:
     """A share as data: hits, count, share and its interval."""
-    low, high = wilson(hits, count)
+    low, high = exact_interval(hits, count)
     return {"hits": hits, "count": count, "share": hits / count if count else 0.0, "low": low, "high": high}
 
 
@@ -52,20 +56,23 @@ def summary(scores: Scores) -> dict[str, Any]:
 
 
 def _of(rows: Scores) -> dict[str, Any]:
-    covered = [hit for row in rows for hit in row["covered"].values()]
-    ratios = [row["ratio"] for row in rows if row["ratio"] is not None]
-    seconds = [row["seconds"] for row in rows if row["seconds"] is not None]
-    quantiles = {name: _quantiles(values) for name, values in (("ratio", ratios), ("seconds", seconds)) if values}
+    values = {
+        name: [row[name] for row in rows if row.get(name) is not None] for name in ("tie", "ratio", "fresh", "seconds")
+    }
+    ties, ratios = values["tie"], values["ratio"]
+    covered = {name: [hit for row in rows for hit in row.get(name, {}).values()] for name in COVERED}
     return {
         "right": share(sum(row["right"] for row in rows), len(rows)),
         "false": share(sum(bool(row["false"]) for row in rows), len(rows)),
         "unexplained": share(sum(row["verdict"] == "unexplained" for row in rows), len(rows)),
         "confident": share(sum(row["confident"] for row in rows), len(rows)),
         "failed": share(sum(row["verdict"] in FAILED for row in rows), len(rows)),
-        "covered": share(sum(covered), len(covered)),
+        "named": share(sum(row["verdict"] in CONFIDENT for row in rows), len(rows)),
+        "wide": share(sum(tie > WIDE for tie in ties), len(ties)),
+        **{name: share(sum(hits), len(hits)) for name, hits in covered.items()},
         "within": share(sum(ratio <= GOAL for ratio in ratios), len(ratios)),
         "coefficients_false": share(sum(bool(row["coefficients_false"]) for row in rows), len(rows)),
-        **quantiles,
+        **{name: _quantiles(found) for name, found in values.items() if found},
     }
 
 
@@ -73,23 +80,35 @@ def _quantiles(values: Sequence[float]) -> dict[str, float]:
     return {"median": float(np.median(values)), "p95": float(np.percentile(values, 95)), "most": float(np.max(values))}
 
 
-def shares_table(scores: Scores) -> Table:
-    """A row for each kind and family: the share of right ones, in per cent with its interval, and hits over counts."""
-    columns = ("right, %>", "false>", "unexpl.>", "conf.>", "cover>", f"<= {GOAL}>", "s>")
-    made = table("Blind benchmark", "cases!", *columns)
+def shares_tables(scores: Scores) -> list[Table]:
+    """Tables with a row for each kind and family: hits, counts and exact intervals in per cent, and medians.
+
+    The intervals of one log's coefficients are not independent: more logs are needed than the exact interval suggests.
+    """
+    return [
+        _by_kind("Blind benchmark", scores, {"right": "right", "false": "false", "failed": "failed"}, {"seconds": "s"}),
+        _by_kind("Verdicts", scores, {"named": "named", "unexplained": "unexplained", "confident": "confident"}, {}),
+        _by_kind(
+            "Ties, and reported errors over those of the true vehicle and in a fresh log",
+            scores,
+            {"wide": f"tie > {WIDE}", "within": f"<= {GOAL}"},
+            {"tie": "tie", "ratio": "true", "fresh": "fresh"},
+        ),
+        _by_kind("95 % intervals that hold the truth", scores, COVERED, {}),
+    ]
+
+
+def _by_kind(title: str, scores: Scores, rates: Mapping[str, str], medians: Mapping[str, str]) -> Table:
+    """Rates and medians, by name and heading, of each kind and family that has any."""
+    made = table(title, "cases!", *(f"{head}>" for head in (*rates.values(), *medians.values())))
     made.pad_edge, made.collapse_padding, made.padding = False, True, (0, 1)
     for kind, families in summary(scores).items():
         made.add_row(f"[bold]{WORDS.get(kind, 'all kinds')}[/bold]")
         for family, found in families.items():
-            if family == "all" and len(families) == 2:
-                continue
-            right, time = found["right"], found.get("seconds")
-            made.add_row(
-                f"  {family}",
-                f"{100 * right['share']:.0f} ({100 * right['low']:.0f}-{100 * right['high']:.0f})",
-                *(_over(found[name]) for name in ("false", "unexplained", "confident", "covered", "within")),
-                f"{time['median']:.1f}" if time else "-",
-            )
+            cells = [_over(found[name]) for name in rates]
+            cells += [f"{found[name]['median']:.3g}" if name in found else NONE for name in medians]
+            if set(cells) != {NONE} and (family != "all" or len(families) > 2):
+                made.add_row(f"  {family}", *cells)
     return made
 
 
@@ -112,7 +131,9 @@ def misses_table(scores: Scores) -> Table:
 
 
 def _over(found: Mapping[str, float]) -> str:
-    return f"{found['hits']}/{found['count']}" if found["count"] else "-"
+    if not found["count"]:
+        return NONE
+    return f"{found['hits']}/{found['count']} ({100 * found['low']:.0f}-{100 * found['high']:.0f})"
 
 
 def _short(path: str) -> str:

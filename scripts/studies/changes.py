@@ -16,7 +16,6 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from scipy.stats import beta
 
 from auv_gym.model import Diverged
 from auv_gym.param import replace_at, spec_at, value_at
@@ -29,11 +28,12 @@ from identification.diagnosis import diagnose
 from identification.fit.changing import changed
 from scripts.blind.cases import FAMILIES, PERIOD_OF, Clean
 from scripts.blind.kinds import effects_of, kind_of, known, log_of
-from scripts.blind.logs import Conditions
+from scripts.blind.logs import Conditions, continued
+from scripts.blind.tables import exact_interval
 from scripts.studies.harness import Found, Option, Sheet, Study
 
 VEHICLES = tuple(v for name in ("glider", "float") for v in FAMILIES[name].vehicles)
-OTHERS = (*FAMILIES["torpedo"].vehicles, *FAMILIES["rov"].vehicles)  # a log takes minutes
+OTHERS = tuple(v for name in ("torpedo", "rov", "glide") for v in FAMILIES[name].vehicles)  # a log takes minutes
 MULTIPLES = (3.0, 6.0)  # of the detectable size
 DURATION = 600.0  # s, length of a log of vehicles whose blind logs have no length of their own
 ATTEMPTS = 60
@@ -128,7 +128,7 @@ def _onset(case: str, plant: Plant, conditions: Conditions, rng: np.random.Gener
 
 def kind_length(plant: Plant, conditions: Conditions) -> float:
     """The length of the standard experiment's log, s."""
-    record = log_of(plant, conditions, 0)
+    record = continued(log_of(plant, conditions, 0))
     return float(record.time[-1] - record.time[0])
 
 
@@ -219,7 +219,7 @@ def drawn_effect(
 @lru_cache(maxsize=1)
 def _clean(plant: Plant, conditions: Conditions, seed: int, share: float) -> Clean:
     """The last part of a log without effects, this share of it."""
-    clean = log_of(plant, conditions, seed)
+    clean = continued(log_of(plant, conditions, seed))
     return Clean.of(plant, clean.select(clean.time >= clean.time[-1] - share * (clean.time[-1] - clean.time[0])))
 
 
@@ -247,9 +247,8 @@ def _holds(limits: tuple[float, float], truth: list[float]) -> bool:
 
 
 def exact(hits: int, count: int) -> str:
-    """`19 of 20 (75 to 100 %)`, the exact 95 % interval.  Source: Clopper and Pearson 1934."""
-    low = beta.ppf(0.025, hits, count - hits + 1) if hits else 0.0
-    high = beta.ppf(0.975, hits + 1, count - hits) if hits < count else 1.0
+    """`19 of 20 (75 to 100 %)`, the exact 95 % interval."""
+    low, high = exact_interval(hits, count)
     return f"{hits} of {count} ({100.0 * low:.0f} to {100.0 * high:.0f} %)" if count else "–"
 
 

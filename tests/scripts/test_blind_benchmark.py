@@ -1,6 +1,7 @@
 """The blind benchmark: own simulators agree with the plants, cases repeat, truths are sealed, scores are fair."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,19 +14,22 @@ from identification.diagnosis.log.parts import parts_of, windows_of
 from identification.experiments.float_dives import depth_control, oil_mission
 from identification.experiments.heading_control import closed_loop
 from identification.fit.validation import free_runs
-from scripts.blind import cases
+from identification.fit.windows import free_run_windows
+from scripts.blind import cases, outside
 from scripts.blind.cases import KINDS, PERIOD_OF, Case, Undrawn, detectable_sizes, draw, sketch
 from scripts.blind.diagnosing import diagnose_folder
 from scripts.blind.disturbances import Around, Slack, Sticking, Tripping, slipped
 from scripts.blind.kinds import kind_of, log_of, outside_log
 from scripts.blind.logs import Conditions, heaved
-from scripts.blind.outside import excess
+from scripts.blind.outside import EXCESS, excess, sized
 from scripts.blind.own_float import OwnSwim
 from scripts.blind.own_glider import OwnGlider
 from scripts.blind.own_torpedo import own_manoeuvres
+from scripts.blind.pushed import pushed_log, pushed_plant
+from scripts.blind.sampling import REALISTIC
 from scripts.blind.scoring import error_ratio, score, score_folders
 from scripts.blind.sealing import log_folder, seal, truth_folder
-from scripts.blind.tables import summary, wilson
+from scripts.blind.tables import exact_interval, summary
 from scripts.blind_benchmark import chosen, main, run_case
 from scripts.studies.changes import changing_log
 
@@ -91,6 +95,117 @@ def test_what_has_an_effect_from_a_time_on_moves_as_the_vehicle_with_it_does_fro
     assert apart.max() > 1e-3
 
 
+@pytest.mark.parametrize(
+    "vehicle, path, size", [("mermaid", "effects.volume.offset", 5e-6), ("seaglider", "effects.polar.growth", 0.3)]
+)
+def test_an_effect_that_begins_in_a_later_dive_leaves_those_before_it_unchanged(vehicle, path, size):
+    plant, quiet = load_vehicle(vehicle), Conditions(1e-9, 1.0, 300.0)
+    other = replace_at(plant, path, size)
+    without, having = (log_of(p, quiet, 0) for p in (plant, other))
+    never, always = (changing_log(plant, other, path, quiet, 0, lambda t, s=s: s) for s in (0.0, 1.0))
+    for one, standard in ((never, without), (always, having)):
+        assert one.labels == standard.labels
+        np.testing.assert_allclose(one["depth_m"], standard["depth_m"], atol=1e-9)
+    assert (np.diff(never.time) > 0.0).all()  # one clock for all dives
+    begin = never.time[never.segments[2].start] + 1000.0
+    partly = changing_log(plant, other, path, quiet, 0, lambda t: float(t >= begin))
+    count = int(np.sum(never.time <= begin))
+    assert count > never.segments[2].start
+    np.testing.assert_array_equal(partly.time[:count], never.time[:count])
+    # with a later dive of another length, other numbers are drawn for noise and heave, which are minute here
+    np.testing.assert_allclose(partly["depth_m"][:count], never["depth_m"][:count], atol=1e-6)
+    after = slice(count + 5, count + 10)
+    assert np.abs(partly["depth_m"][after] - never["depth_m"][after]).min() > 1e-3
+
+
+@pytest.mark.parametrize(
+    "vehicle, duration",
+    [
+        ("slocum", 600.0),
+        ("qiandao_float", 0.0),  # it has missions of their own length, as the next two have
+        ("mermaid", 0.0),
+        ("seaglider", 0.0),
+        ("remus100", 100.0),
+        ("bluerov2_heavy", 40.0),
+    ],
+)
+def test_a_realistic_log_is_a_part_of_a_run_with_gaps_and_quantised_readings(vehicle, duration):
+    plant, even = load_vehicle(vehicle), Conditions(1.0, 1.0, duration)
+    run, log, again = (log_of(plant, c, 4) for c in (even, *[replace(even, sampling=REALISTIC)] * 2))
+    np.testing.assert_array_equal(log.matrix(log.names), again.matrix(again.names))
+    assert set(run.names) <= set(log.names)
+    assert len(log.segments) > len(run.segments)  # there is a gap
+    leading = plant.family.leading
+    assert 0.9 < log.readings(leading).mean() < 1.0
+    depth = log["depth_m"][log.readings("depth_m")]
+    np.testing.assert_allclose(100.0 * depth, np.round(100.0 * depth), atol=1e-6)
+    assert 0.7 * run.duration_s < log.duration_s < 1.1 * run.duration_s
+    if "elapsed_s" in plant.inputs:  # effects that grow with time began with the run
+        assert log["elapsed_s"][0] > 0.0
+
+
+def test_sensors_of_a_realistic_log_have_their_own_rates_and_its_commands_are_known():
+    plant = load_vehicle("remus100")
+    log = log_of(plant, Conditions(1.0, 1.0, 100.0, sampling=REALISTIC), 4)
+    others = ("r_radps", "u_mps", "u_dvl_mps", "north_m", "depth_m")
+    intervals = {name: log.interval_of(name) for name in others}
+    assert len({round(interval, 1) for interval in intervals.values()}) > 1
+    for name in others:
+        assert log.readings(name).mean() == pytest.approx(0.1 / intervals[name], abs=0.1)
+    assert log.readings("rudder_rad").all()
+    assert np.diff(log.time[log.segments[0]]).std() > 1e-4  # uneven stamps
+
+
+def test_pushes_make_the_true_vehicle_err_by_the_noise_of_its_leading_sensor():
+    plant = pushed_plant("ganeshblue")
+    conditions = Conditions(2.0, 1.0, 600.0, push=1.0, water=7)
+    log, again = (pushed_log(plant, conditions, 3) for _ in range(2))
+    np.testing.assert_array_equal(log["heading_rad"], again["heading_rad"])
+    runs = free_runs(plant, log, free_run_windows(plant, log, plant.window), plant.settle)
+    noise = 2.0 * np.deg2rad(0.5)
+    left = np.sqrt(np.mean(runs.errors(runs.channels.index("heading_rad")) ** 2) / noise**2 - 1.0)
+    assert left == pytest.approx(1.0, abs=0.15)  # the noise of 500 readings gives it to about a tenth
+
+
+def test_pushed_cases_are_drawn_only_if_asked_for():
+    kinds = ["one_pushed", "none_pushed"]
+    pushed = chosen(7, 8, kinds, None)
+    assert {case.kind for case in pushed} == set(kinds)
+    assert all(case.conditions.push == 1.0 for case in pushed)
+    assert {case.vehicle for case in pushed} <= {"ganeshblue", "qiandao_float", "npsauv", "remus100"}
+    assert {case.kind for case in chosen(7, 6, ["one", "one_pushed"], ["glider"])} == {"one", "one_pushed"}
+    with pytest.raises(ValueError, match="glider, float, torpedo, got glide"):
+        chosen(7, 1, kinds, ["glide"])
+    case = next(case for case in pushed if case.vehicle == "qiandao_float" and case.kind == "one_pushed")
+    drawn = draw(case)
+    ((path, size),) = drawn.effects.items()
+    assert value_at(drawn.true, path) == size
+    assert drawn.fresh is not None
+    assert drawn.fresh.names == drawn.record.names
+
+
+def test_a_cause_gets_a_size_that_shows_and_does_not_stand_out(monkeypatch):
+    monkeypatch.setattr(outside, "left_over", lambda plant, record, window: np.asarray(record))
+
+    def uncontrolled(size):
+        if size > 0.5:
+            raise ValueError
+        return [1.0 + 20.0 * size**2]
+
+    for law in (lambda size: [1.0 + 300.0 * size**2], lambda size: [1.0, 1.0 + 0.2 * size], uncontrolled):
+        found = sized(None, law, [1.0], 60.0)
+        assert EXCESS[0] <= found.excess <= EXCESS[1]
+        assert max(law(found.size)) == pytest.approx(1.0 + found.excess)
+    assert sized(None, lambda size: [1.0 + 9.0 * (size > 0.3)], [1.0], 60.0) is None
+    assert sized(None, lambda size: [1.0], [1.0], 60.0) is None
+
+    def broken(size):
+        raise ValueError("no such vehicle")
+
+    with pytest.raises(ValueError, match="no such vehicle"):
+        sized(None, broken, [1.0], 60.0)
+
+
 def test_causes_are_absent_at_size_zero_and_do_what_they_say():
     rng = np.random.default_rng(0)
     trip = Tripping(0.5, 0.2, 0.4)
@@ -142,7 +257,7 @@ def test_a_case_is_the_same_whatever_else_runs():
     assert 2.0 <= abs(value - neutral) / one.detectable[path] <= 6.0
     assert value_at(one.true, path) == value
     assert value_at(one.believed, path) == neutral
-    assert {c.kind for c in chosen(7, 60, None, None)} == set(KINDS)
+    assert {c.kind for c in chosen(7, 60, None, None)} == {kind for kind, share in KINDS.items() if share}
     assert chosen(7, 5, None, None, first=40) == chosen(7, 45, None, None)[40:]
 
 
@@ -214,6 +329,27 @@ def test_names_and_ties_and_false_names_are_scored():
     assert (components["right"], components["false"]) == (True, [])
 
 
+def test_ties_are_counted_and_their_true_member_is_judged():
+    one = truth("one", {"a": 2.0}, {"k": [1.0, 1.2]})
+    tied = said("tied", {"b": [1, 3]}, [["b", "a", "c"], ["k", "l"]])
+    tied["effects"][0]["members"] = [{"path": "a", "ci95": [1.5, 2.5]}, {"path": "c", "ci95": [0, 1]}]
+    tied["coefficients"] = [
+        {"path": "k", "given": 1.2, "ci95": [0.9, 1.1]},
+        {"path": "m", "given": 1.2, "ci95": [0.9, 1.1]},
+        {"path": "n", "given": 1.0, "ci95": [0.9, 1.1]},
+    ]
+    found = score(tied, one)
+    assert (found["tie"], found["covered"], found["covered_in_ties"]) == (3, {}, {"a": True})
+    assert found["coefficients_covered"] == {"m": False, "n": True}
+    assert score(tied, truth("one", {"d": 2.0}))["coefficients_covered"] == {}
+    assert score(said("named", {"a": [1, 3]}), one)["tie"] == 1
+    assert score(said("none"), one)["tie"] is None
+    pair = said("tied", {"effects.current.north": [1, 3]}, [["effects.current.north", "effects.current.east", "b"]])
+    assert score(pair, one)["tie"] == 2  # its two components are one current
+    lumped = said("tied", {"a": [3, 4]}, [["a", "k"]])
+    assert score(lumped, one)["covered"] == {}  # the size includes the error of k
+
+
 def test_a_wrong_coefficient_is_no_false_name_of_an_effect():
     wrong = truth("none_wrong", wrong={"hull.n_delta": [1.0, 1.1]})
     twin = said("tied", {"effects.rudder.gain": [0.8, 0.95]}, [["effects.rudder.gain", "hull.n_delta"]])
@@ -247,15 +383,20 @@ def test_the_true_vehicle_is_as_good_as_itself_in_the_parts_of_a_diagnosis():
     assert error_ratio(twice, record, plant, 5, 60.0, 12.0) == pytest.approx(2.0)
 
 
-def test_shares_come_with_the_interval_of_wilson():
-    low, high = wilson(9, 10)
-    assert low == pytest.approx(0.5958, abs=1e-4)  # Wilson's formula, by hand
-    assert high == pytest.approx(0.9821, abs=1e-4)
-    assert wilson(0, 0) == (0.0, 1.0)
+def test_shares_come_with_their_exact_intervals():
+    low, high = exact_interval(9, 10)
+    assert low == pytest.approx(0.5550, abs=1e-4)  # Clopper and Pearson, as in tables of the binomial
+    assert high == pytest.approx(0.9975, abs=1e-4)
+    assert exact_interval(10, 10) == (pytest.approx(0.025**0.1), 1.0)
+    assert exact_interval(0, 0) == (0.0, 1.0)
     rows = [score(said("none"), truth("none"), 1.1), score(said("named", {"b": [0, 1]}), truth("none"), 1.4)]
     found = summary(rows)["none"]["glider"]
     assert (found["right"]["hits"], found["false"]["hits"], found["within"]["hits"]) == (1, 1, 1)
     assert found["ratio"]["most"] == 1.4
+    assert (found["named"]["hits"], found["tie"]["median"]) == (1, 1.0)
+    wide = score(said("tied", {"b": [0, 1]}, [["b", "c", "d", "e"]]), truth("none"), fresh=0.9)
+    found = summary([*rows, wide])["none"]["glider"]
+    assert (found["wide"]["hits"], found["wide"]["count"], found["fresh"]["median"]) == (1, 2, 0.9)
 
 
 @pytest.mark.slow
@@ -274,14 +415,20 @@ def test_the_program_diagnoses_in_a_process_of_its_own_and_resumes(tmp_path, cap
     out = tmp_path / "all.json"
     arguments = ["--cases", "1", "--seed", "1", "--family", "glider", "--kind", "none", "--jobs", "1"]
     assert main([*arguments, "--out", str(tmp_path), "--json", str(out)]) == 0
-    assert "nothing missing" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "nothing missing" in printed
+    assert "95 % intervals that hold the truth" in printed
     content = json.loads(out.read_text())
     (row,) = content["scores"]
     assert row["right"]
+    assert 0.5 < row["fresh"] < 2.0
+    assert all(row["coefficients_covered"].values())
     assert content["shares"]["all"]["glider"]["right"]["count"] == 1
     kept = log_folder(tmp_path / "seed_1", row["number"]) / "diagnosis.json"
     kept.write_text(json.dumps({"verdict": "unexplained"}))
     assert run_case(sketch(1, row["number"]), tmp_path / "seed_1")["verdict"] == "unexplained"
+    with pytest.raises(ValueError, match="another folder"):
+        run_case(sketch(1, row["number"], sampling=REALISTIC), tmp_path / "seed_1")
 
 
 def test_a_diagnosis_that_takes_too_long_is_a_miss(tmp_path):

@@ -7,16 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
-from scripts.blind.tables import wilson
+from scripts.blind.tables import exact_interval
 
 NONE = "-"
 
 
 def rate(hits: Sequence[bool]) -> str:
-    """A share, %, with its Wilson interval."""
+    """A share, %, with its exact interval."""
     if not hits:
         return NONE
-    low, high = wilson(sum(hits), len(hits))
+    low, high = exact_interval(sum(hits), len(hits))
     return f"{100.0 * np.mean(hits):.1f} ({100.0 * low:.1f} to {100.0 * high:.1f})"
 
 
