@@ -85,6 +85,22 @@ def dive_currents(plant: Plant, record: Record, spread: Sequence[Plant] = ()) ->
     return tuple(found)
 
 
+def no_currents(plant: Plant, record: Record) -> str:
+    """Why the current of no dive can be computed, for a vehicle whose heading is an input; '' if nothing is missing.
+
+    It is '' also for a record with a track under water, in which a current is an effect like others.
+    """
+    if "heading_rad" not in plant.inputs or any(record.has(name) for name in _PLACE):
+        return ""
+    if not len(record.attrs.get(FIXES, ())):
+        missing = "GPS fixes from before and after its dives (only those in a Seaglider's file are read)"
+    elif not record.has("heading_rad"):
+        missing = "heading (heading_rad)"
+    else:
+        return ""
+    return f"The log has no {missing}, so the currents of its dives cannot be computed."
+
+
 def _legs(plant: Plant, record: Record) -> list[_Leg]:
     """The dives of a record that lie between two fixes."""
     fixes = np.reshape(record.attrs.get(FIXES, ()), (-1, 3))

@@ -14,6 +14,7 @@ from auv_gym.model import elapsed_over_gaps
 from auv_gym.param import value_at
 from auv_gym.plant import Plant
 from auv_gym.plant.cruise import command_ranges
+from auv_gym.plant.currents import no_currents
 from auv_gym.plant.thrusters import find_thrusters
 from auv_gym.records.gliding import glide_attack
 from auv_gym.records.mapping import FULL, Target, command_in
@@ -381,7 +382,7 @@ def described(plant: Plant, record: Record) -> Record:
         for name in plant.family.assumed
         if not record.has(name)
     ]
-    lines += command_remarks(plant, record)
+    lines = [*filter(None, [no_currents(plant, record)]), *lines, *command_remarks(plant, record)]
     found = _not_described(plant, record)
     left_out = np.any(list(found.values()), axis=0) if found else np.zeros(len(record), dtype=bool)
     if left_out.any():

@@ -19,6 +19,7 @@ from auv_gym.cli.options.console import errors
 from auv_gym.model import inputs_of
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.plant.currents import dive_currents
+from auv_gym.plant.flying import steered
 from auv_gym.plant.record_check import described, needs_of
 from auv_gym.plant.stated import vehicle_from_dive
 from auv_gym.records.reading import find_log, open_log
@@ -26,6 +27,8 @@ from auv_gym.records.record import Record
 from identification.diagnosis import Diagnosis, diagnose
 from identification.diagnosis.log.parts import parts_of
 from scripts.benchmarks.peers.environments import Peer, run
+from scripts.real.constants import constants_of
+from scripts.real.half_dives import depth_error, depth_error_of, interval_of, rms, rms_draws
 from scripts.real.log import Error, Log, Places, bundled, kept
 
 GLIDERFLIGHT = Peer("gliderflight", "1.2.1", "scripts.benchmarks.peers.run_gliderflight")
@@ -56,9 +59,8 @@ def diagnose_dives(log: Log, places: Places) -> dict[str, Any]:
     record, plant = read_dives(log, places.data)
     found, needs = diagnose(record, plant, source=log.name), needs_of(plant)
     judged = described(plant, log.record(places.data, log.judged, needs))
-    stages = [
-        100.0 * velocity_error(stage, judged) for stage in (found.given.plant, found.refitted.plant, found.after.plant)
-    ]
+    stages = [stage.plant for stage in (found.given, found.refitted, found.after)]
+    errors = errors_of_dives(stages, judged)
     currents = []
     for file in log.judged:
         whole = described(plant, log.record(places.data, [file], needs))
@@ -76,8 +78,7 @@ def diagnose_dives(log: Log, places: Places) -> dict[str, Any]:
                 ],
             }
         )
-    error = Error(SIGNAL, UNIT, stages, operators_error(plant, judged))
-    return kept(found, errors=[vars(error)], currents=currents)
+    return kept(found, errors=[vars(e) for e in errors], currents=currents, constants=constants_of(found))
 
 
 def diagnose_flight(log: Log, places: Places) -> dict[str, Any]:
@@ -97,6 +98,26 @@ def diagnose_flight(log: Log, places: Places) -> dict[str, Any]:
     return kept(found, errors=[vars(Error(SIGNAL, UNIT, stages, others))], others=settings)
 
 
+def diagnose_steered(log: Log, places: Places) -> dict[str, Any]:
+    """The diagnosis of a flight log by a glider that its masses steer: the attitude is predicted, not an input."""
+    plant = steered(load_vehicle(log.vehicle), None)
+    return kept(diagnose(log.record(places.data, log.files, needs_of(plant)), plant, source=log.name))
+
+
+def errors_of_dives(stages: Sequence[Plant], record: Record) -> list[Error]:
+    """Errors of vertical velocity, with intervals, and of depth over half-dives, beside the operators' own model."""
+    missed = [100.0 * velocity_errors(plant, record) for plant in stages]
+    depth = [depth_error(plant, record) for plant in stages]
+    others: tuple[float | None, float | None] = (None, None)
+    if record.has(_OPERATORS):
+        down = -record[_OPERATORS]
+        missed.append(100.0 * (down - depth_rate(record)))
+        others = rms(missed[-1][np.isfinite(missed[-1])]), depth_error_of(down, record, stages[0].settle)
+    intervals = [interval_of(draws) for draws in rms_draws(missed, record)]
+    sizes = [rms(m) for m in missed[: len(stages)]]
+    return [Error(SIGNAL, UNIT, sizes, others[0], intervals), Error("depth over half-dives", "m", depth, others[1])]
+
+
 def vertical_velocities(plant: Plant, record: Record) -> tuple[np.ndarray, np.ndarray]:
     """Vertical velocities of the model at measured depths, and of the differenced depth, m/s, at each sample."""
     family, inputs, depth = plant.family, inputs_of(plant, record), record["depth_m"]
@@ -113,22 +134,23 @@ def vertical_velocities(plant: Plant, record: Record) -> tuple[np.ndarray, np.nd
         z[0] = depth[k]
         family.hooks.derivative(z, shaped, inputs[k], view, slopes, np.empty(1))
         found[k] = slopes[0]
-    logged = np.concatenate([np.gradient(depth[s], record.time[s]) for s in record.segments])
-    return found, logged
+    return found, depth_rate(record)
+
+
+def depth_rate(record: Record) -> np.ndarray:
+    """The differenced depth, m/s, at each sample."""
+    return np.concatenate([np.gradient(record["depth_m"][s], record.time[s]) for s in record.segments])
+
+
+def velocity_errors(plant: Plant, record: Record) -> np.ndarray:
+    """Vertical velocity of the model minus the differenced depth, m/s, at each sample."""
+    model, logged = vertical_velocities(plant, record)
+    return model - logged
 
 
 def velocity_error(plant: Plant, record: Record) -> float:
     """RMS difference of the vertical velocity, model minus differenced depth, m/s."""
-    model, logged = vertical_velocities(plant, record)
-    return _rms(model - logged)
-
-
-def operators_error(plant: Plant, record: Record) -> float | None:
-    """RMS error of the vertical velocity by the operators' own model, cm/s; None without it."""
-    if not record.has(_OPERATORS):
-        return None
-    missed = -record[_OPERATORS] - vertical_velocities(plant, record)[1]
-    return 100.0 * _rms(missed[np.isfinite(missed)])
+    return rms(velocity_errors(plant, record))
 
 
 def gliderflight_error(found: Diagnosis, numbers: np.ndarray, environments: Path) -> tuple[float | None, str]:
@@ -152,7 +174,7 @@ def gliderflight_error(found: Diagnosis, numbers: np.ndarray, environments: Path
         "pitch": record["pitch_rad"],
         "buoyancy_change": 1e6 * record["buoyancy_volume_m3"],  # cm3
         "density": density,
-        "dhdt": -vertical_velocities(plant, record)[1],  # up
+        "dhdt": -depth_rate(record),  # up
         "part": numbers,
     }
     hull = plant.parameters.hull
@@ -166,15 +188,8 @@ def gliderflight_error(found: Diagnosis, numbers: np.ndarray, environments: Path
 
 def _unseen_error(plants: Sequence[Plant], record: Record, numbers: np.ndarray) -> float:
     """RMS of the vertical velocity, m/s, each part by its own plant."""
-    missed = []
-    for number, plant in enumerate(plants):
-        model, logged = vertical_velocities(plant, record)
-        missed.append((model - logged)[numbers == number])
-    return _rms(np.concatenate(missed))
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+    missed = [velocity_errors(plant, record)[numbers == number] for number, plant in enumerate(plants)]
+    return rms(np.concatenate(missed))
 
 
 def _with_science(files: Sequence[str]) -> list[str]:

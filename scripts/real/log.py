@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -37,12 +37,14 @@ class Error:
     """The error of a signal in unseen data: as given, refitted and with effects, and with others' tools.
 
     unit: % is of the signal's deviation.  None if runs did not stay finite, or others state nothing.
+    intervals: 95 % intervals of the stages' errors and of others', if they were estimated.
     """
 
     signal: str
     unit: str
     stages: Sequence[float | None]
     others: float | None = None
+    intervals: Sequence[Sequence[float] | None] = ()
 
 
 def plainly(log: Log, places: Places) -> dict[str, Any]:
@@ -106,7 +108,7 @@ class Log:
             found = list(_of_fits(said["fits"][f"{self.horizons[0]:g}"], self.signals))
         else:
             found = list(_of_free_runs(said["error"], self.signals))
-        return [Error(e.signal, e.unit, e.stages, self.rivals.get(e.signal, e.others)) for e in found]
+        return [replace(e, others=self.rivals.get(e.signal, e.others)) for e in found]
 
 
 def bundled(file: str) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 
-from scripts.real.dives import diagnose_dives, diagnose_flight, dive_of
+from scripts.real.dives import diagnose_dives, diagnose_flight, diagnose_steered, dive_of
 from scripts.real.log import Log
 from scripts.real.tank import diagnose_run
 
@@ -33,6 +33,8 @@ _TANK = "BlueROV2 Heavy in a tank under motion capture, 27 May 2025; from `SAABm
 _BENZON = (
     "coefficients of von Benzon et al. (2022) for a vehicle of this type, which are the preset; a tether is attached"
 )
+# SEA035.10.gli.sub, which has no number, is a copy of .014
+_MISSION = tuple(f"seaexplorer/SEA035.10.gli.sub.{k:03d}" for k in range(1, 49))
 _OPERATORS = "the operators' hydrodynamic model (`vert_speed` in the files); its constants may come from these dives"
 
 
@@ -165,12 +167,20 @@ LOGS = (
     Log(
         "SEA035, mission 10",
         "seaexplorer",
-        # SEA035.10.gli.sub, which has no number, is a copy of .014
-        tuple(f"seaexplorer/SEA035.10.gli.sub.{k:03d}" for k in range(1, 49)),
+        _MISSION,
         "SeaExplorer, 48 files without a CTD; from `c-proof/pyglider`",
         "nothing; the polar of the preset was fitted to half of this log",
         least_depth=10.0,
         signals=("depth_m",),
         run=diagnose_flight,
+    ),
+    Log(
+        "SEA035, steered",
+        "seaexplorer",
+        _MISSION,
+        "the same 48 files, with the positions of the masses as inputs instead of the attitude",
+        "nothing; the relation of the preset between masses, attitude and turn was fitted to half of this log, too",
+        least_depth=10.0,
+        run=diagnose_steered,
     ),
 )

@@ -22,11 +22,13 @@ _COLOURS = ("#8a97a3", "#d55e00", "#0072b2", "#009e73")
 _WIDE = 30.0  # least ratio of the largest error to the smallest for a logarithmic axis
 _OF_SAMPLES = (" of the log is ", "is assumed", "were dropped")
 _UNITS = {
-    "deg": "heading: RMS error of free runs, deg",
+    "deg": "angles: RMS error of free runs, deg",
     "m": "depth: RMS error of free runs, m",
     "cm/s": "vertical velocity: RMS error, cm/s",
     "%": "speeds and rates: RMS error of free runs, % of the signal's deviation",
 }
+
+_SEVERAL = ("deg", "%")  # units of several signals
 
 
 def sheets(results: Results) -> list[Sheet]:
@@ -47,6 +49,9 @@ def sheets(results: Results) -> list[Sheet]:
     heads = ("logs", "source", "what is known from other sources", "others")
     rows = [["; ".join(names), *words] for words, names in told.items()]
     found.append(Sheet("sources", "Sources of the logs", heads, rows))
+    if rows := [_constants(log, said["constants"]) for log, said in results if "constants" in said]:
+        heads = ("log", "constant", "in the file>", "refitted, 95 % interval>")
+        found.append(Sheet("constants", "Constants of the Seagliders' flight model", heads, rows))
     dives = [dive for _, said in results for dive in said.get("currents", ())]
     if dives:
         heads = ("dive", "with the operators' constants>", "with effects, 95 % intervals>", "stated by the operators>")
@@ -95,7 +100,7 @@ def figure(results: Results) -> Figure:
             sizes = [(*error.stages, error.others)[k] for _, error in bars]
             at = np.arange(len(bars)) + 0.2 * (k - 1.5)
             panel.barh(at, [np.nan if s is None else s for s in sizes], 0.19, color=colour, label=label)
-        names = [f"{name}: {error.signal}" if unit == "%" else name for name, error in bars]
+        names = [f"{name}: {error.signal}" if unit in _SEVERAL else name for name, error in bars]
         panel.set(yticks=np.arange(len(bars)), yticklabels=names, title=_UNITS[unit])
         sizes = [size for _, e in bars for size in (*e.stages, e.others) if size]
         if max(sizes) > _WIDE * min(sizes):
@@ -112,13 +117,34 @@ def figure(results: Results) -> Figure:
 
 def _row(log: Log, said: Said) -> list[str]:
     errors = log.errors(said)
-    columns = [f"{e.signal}, {e.unit}" for e in errors], *zip(*map(_numbers, errors), strict=True)
+    columns = [f"{e.signal}, {e.unit}" for e in errors], *zip(*map(_with_intervals, errors), strict=True)
     return [log.name, *("<br>".join(cells) for cells in columns), _verdict(said), "; ".join(named(said)) or "nothing"]
 
 
 def _numbers(error: Error) -> list[str]:
     values = [*error.stages, error.others]
     return ["-" if value is None or not np.isfinite(value) else f"{value:.3g}" for value in values]
+
+
+def _with_intervals(error: Error) -> list[str]:
+    limits = [*error.intervals, *[None] * 4][:4]
+    words = [f" ({ends[0]:.3g} to {ends[1]:.3g})" if ends else "" for ends in limits]
+    return [number + more for number, more in zip(_numbers(error), words, strict=True)]
+
+
+def _constants(log: Log, constants: Sequence[Said]) -> list[str]:
+    """A row of the operators' constants, a line each: stated or assumed, and refitted or not."""
+    given = [_size(c["given"]) + ("" if c["stated"] else " (not there: assumed)") for c in constants]
+    fitted = [
+        "not freed" if c["value"] is None else f"{_size(c['value'])} ({' to '.join(map(_size, c['ci95']))})"
+        for c in constants
+    ]
+    return [log.name, *("<br>".join(lines) for lines in ([c["name"] for c in constants], given, fitted))]
+
+
+def _size(value: float) -> str:
+    """A constant to three digits; a volume in cm³ to a tenth."""
+    return f"{value:.1f}" if abs(value) > 1e3 else f"{value:.3g}"
 
 
 def _verdict(said: Said) -> str:

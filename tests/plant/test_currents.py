@@ -6,7 +6,7 @@ import pytest
 from auv_gym.model import simulate
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant, load_vehicle
-from auv_gym.plant.currents import dive_currents
+from auv_gym.plant.currents import dive_currents, no_currents
 from auv_gym.plant.flying import neutral_engine
 from auv_gym.plant.record_check import described
 from auv_gym.records.log import FIXES
@@ -82,3 +82,16 @@ def test_nothing_is_said_without_fixes_or_a_heading(glider):
     bare = Record(record.dataset.assign_attrs({FIXES: []}))
     assert dive_currents(glider, bare) == ()
     assert dive_currents(load_vehicle("qiandao_float"), record) == ()
+
+
+def test_a_log_without_fixes_or_a_heading_says_that_its_currents_are_not_known(glider):
+    record = dive(glider, 0.0, 0.7)
+    assert no_currents(glider, record) == ""
+    bare, blind = Record(record.dataset.assign_attrs({FIXES: []})), record.without(["heading_rad"])
+    for log, words in ((bare, "The log has no GPS fixes from before"), (blind, "The log has no heading (heading_rad)")):
+        (line,) = (note for note in described(glider, log).notes if "currents" in note)
+        assert line.startswith(words)
+        assert line.endswith("so the currents of its dives cannot be computed.")
+    tracked = bare.with_channels({"north_m": bare.time, "east_m": bare.time})
+    assert no_currents(glider, tracked) == ""  # its currents are effects like others
+    assert no_currents(load_vehicle("qiandao_float"), bare) == ""

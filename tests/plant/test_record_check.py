@@ -14,6 +14,7 @@ from auv_gym.plant.record_check import (
     refusal,
     wrong_for,
 )
+from auv_gym.plant.thrusters import find_thrusters
 from auv_gym.records.gliding import glide_attack
 from auv_gym.records.reading import Needs, read_record
 from auv_gym.records.record import Record, concat
@@ -258,3 +259,62 @@ def test_thrusters_that_stay_in_their_dead_zone_are_remarked(push, said):
     shares = {f"t{k}_share": push * np.sign(np.sin(k * time + 0.1)) for k in range(1, 9)}
     lines = command_remarks(load_vehicle("bluerov2_heavy"), Record.from_arrays(time, shares))
     assert sum("No thruster is commanded more than 2.5 % of its full thrust" in line for line in lines) == said
+
+
+def _commands(vehicle, values, still=()):
+    """A log in which thrusters follow sines between two values; those in `still` stay in the middle."""
+    least, most = values
+    thrusters = find_thrusters(load_vehicle(vehicle)).channels
+    middle, time = 0.5 * (least + most), np.arange(0.0, 60.0, 0.1)
+    waves = {name: middle + 0.5 * (most - least) * np.sin(time + k) for k, name in enumerate(thrusters)}
+    waves |= {name: np.full(time.size, middle) for name in still}
+    measured = ("roll_rad", "pitch_rad", "heading_rad", "p_radps", "q_radps", "r_radps")
+    return Record.from_arrays(time, waves | {name: 0.1 * np.sin(time) for name in measured})
+
+
+@pytest.mark.parametrize(
+    "vehicle, values, words",
+    [
+        ("bluerov", (-1.0, 1.0), "they look like shares from -1 to 1"),
+        ("bluerov", (-100.0, 100.0), "they look like percent from -100 to 100"),
+        ("bluerov", (-400.0, 400.0), "they look like pulse lengths less 1500 us"),
+        ("bluerov", (500.0, 2500.0), "check their unit"),
+        ("bluerov2_heavy", (-90.0, 90.0), "they look like percent from -100 to 100"),
+        ("bluerov2_heavy", (1000.0, 2000.0), "they look like pulse lengths in us"),
+    ],
+)
+def test_thruster_commands_in_another_unit_are_refused_with_the_unit_that_they_look_like(vehicle, values, words):
+    plant, log = load_vehicle(vehicle), _commands(vehicle, values)
+    rest = {"bluerov": "1100 to 1900 us, and rests at 1500", "bluerov2_heavy": "-1 to 1, and rests at 0"}[vehicle]
+    with pytest.raises(ValueError, match=rf"{vehicle} takes commands of {rest}; those of this log \(t1_.*{words}\."):
+        check_ranges(plant, log, FEW)
+    assert words in refusal(plant, log)
+
+
+@pytest.mark.slow  # the programs of the first BlueROV
+def test_pulses_beyond_their_range_now_and_then_are_remarked():
+    rov, log = load_vehicle("bluerov"), _commands("bluerov", (1150.0, 1850.0))
+    check_ranges(rov, log, FEW)
+    assert command_remarks(rov, log) == []
+    pulses = log["t3_us"].copy()
+    pulses[[100, 200]] = 900.0, 2100.0
+    check_ranges(rov, wild := log.with_channels({"t3_us": pulses}), FEW)
+    (line,) = command_remarks(rov, wild)
+    assert line.startswith("t3_us goes from 900 to 2100 us, but its thruster takes 1100 to 1900.")
+    assert "(2 of 600 samples), the thrust at its end is assumed" in line
+
+
+def test_nine_channels_for_eight_thrusters_and_thrusters_at_rest_are_remarked():
+    rov, log = load_vehicle("bluerov2_heavy"), _commands("bluerov2_heavy", (-0.5, 0.5), still=("t2_share", "t8_share"))
+    still, extra = command_remarks(rov, log.with_channels({"t9_share": log["t1_share"]}))
+    assert still.startswith("t2_share and t8_share do not move. This log shows nothing about their gain")
+    assert extra.startswith("bluerov2_heavy has 8 thrusters (t1_share, ")
+    assert "the log also has t9_share, which is not used." in extra
+
+
+@pytest.mark.parametrize("vehicle, middle", [("bluerov2_heavy", 0.0), ("bluerov", 1500.0)])
+def test_a_log_in_which_no_thruster_ever_moves_is_refused(vehicle, middle):
+    plant, log = load_vehicle(vehicle), _commands(vehicle, (middle, middle))
+    with pytest.raises(ValueError, match=rf"Nothing excites the vehicle: t1_\w+ is constant at {middle:g}.*it moves\."):
+        check_excitation(plant, described(plant, log))
+    assert "Nothing excites the vehicle" in refusal(plant, log)

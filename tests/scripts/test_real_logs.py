@@ -24,7 +24,22 @@ SAID = {
 }
 FITS = SAID | {"fits": {"2": {"p_radps": [30.0, 50.0, None, 99]}}}
 DIVE = {"dive": "one, 3", "given": [[0.1, 0.2]], "after": [[0.0, -0.2, 0.01, 0.02]], "operators": [0.1, 0.1]}
-DIVES = SAID | {"errors": [{"signal": "vertical velocity", "unit": "cm/s", "stages": [1.5, 1.4, 0.5], "others": 2.0}]}
+DIVES = SAID | {
+    "errors": [
+        {
+            "signal": "vertical velocity",
+            "unit": "cm/s",
+            "stages": [1.5, 1.4, 0.5],
+            "others": 2.0,
+            "intervals": [[1.3, 1.7], [1.2, 1.6], [0.4, 0.6], [1.8, 2.25]],
+        },
+        {"signal": "depth over half-dives", "unit": "m", "stages": [14.0, 13.0, 3.0], "others": None},
+    ],
+    "constants": [
+        {"name": "hd_a, 1/deg", "given": 8.91e-4, "stated": True, "value": 1e-3, "ci95": [9e-4, 1.1e-3]},
+        {"name": "volmax - vbdbias, cm³", "given": 53029.52, "stated": False, "value": None, "ci95": None},
+    ],
+}
 LOGS = (
     Log("one, two", "slocum", ("slocum:one",), "a source", "nothing"),
     Log(
@@ -54,10 +69,24 @@ def test_effects_come_with_interval_share_of_the_halves_and_ties():
 
 
 def test_tables_have_the_errors_of_each_log_beside_those_of_others():
-    table, sources, currents = sheets(RESULTS)
+    table, sources, constants, currents = sheets(RESULTS)
     assert table.rows[0][:7] == ["one, two", "heading, deg", "17.2", "11.5", "5.73", "-", "tied, something left"]
     assert table.rows[1][1:6] == ["roll rate, %", "70", "50", "-", "60"]  # 100 less the fit percent
-    assert table.rows[2][1:6] == ["vertical velocity, cm/s", "1.5", "1.4", "0.5", "2"]
+    assert table.rows[2][1:6] == [
+        "vertical velocity, cm/s<br>depth over half-dives, m",
+        "1.5 (1.3 to 1.7)<br>14",
+        "1.4 (1.2 to 1.6)<br>13",
+        "0.5 (0.4 to 0.6)<br>3",
+        "2 (1.8 to 2.25)<br>-",
+    ]
+    assert constants.rows == [
+        [
+            "dives",
+            "hd_a, 1/deg<br>volmax - vbdbias, cm³",
+            "0.000891<br>53029.5 (not there: assumed)",
+            "0.001 (0.0009 to 0.0011)<br>not freed",
+        ]
+    ]
     assert sources.rows[0] == ["one, two; three", "a source", "nothing", "no other tool known"]
     assert currents.rows == [["one, 3", "0.100, 0.200", "0.000 ± 0.020, -0.200 ± 0.039", "0.100, 0.100"]]
     assert summary(RESULTS)[-1] == "| dives | vertical velocity, cm/s | 1.5 | 1.4 | 0.5 | 2 | tied, something left |"
@@ -66,7 +95,10 @@ def test_tables_have_the_errors_of_each_log_beside_those_of_others():
 
 def test_the_picture_has_a_panel_for_each_unit():
     pytest.importorskip("matplotlib")
-    assert [len(panel.get_yticklabels()) for panel in figure(RESULTS).axes] == [1, 1, 1]
+    panels = figure(RESULTS).axes
+    assert [len(panel.get_yticklabels()) for panel in panels] == [1, 1, 1, 1]
+    angles, depth, *_ = [panel.get_yticklabels()[0].get_text() for panel in panels]
+    assert (angles, depth) == ("one, two: heading", "dives")
 
 
 def test_a_failed_log_and_one_that_is_not_there_cost_no_other_and_results_are_not_made_again(

@@ -36,6 +36,10 @@ def test_what_is_named_in_two_dives_of_a_seaglider_holds_in_two_others(shared_da
     log = next(log for log in LOGS if log.name == "SG561, 2, 4 on 3, 5")
     said = log.run(log, Places(shared_data))
     assert "effects.volume.compressibility" in {p for e in said["effects"] for p in (e["path"], *e["tied_with"])}
-    (error,) = log.errors(said)
+    error, depth = log.errors(said)
     assert error.stages[0] > 1.2
     assert error.stages[2] <= 0.65 < error.others
+    low, high = error.intervals[2]
+    assert low < error.stages[2] < high < error.intervals[0][0]
+    assert depth.stages[2] < 0.2 * depth.stages[0]  # measured: 1.1 of 14.7 m
+    assert {c["name"] for c in said["constants"] if c["value"]} >= {"hd_a, 1/deg", "hd_b"}
