@@ -67,7 +67,7 @@ def compare_missions(
     trust: logs.Trust = False,
     cache_dir: logs.CacheFolder = None,
 ) -> None:
-    """Find what changed in a vehicle between missions, and the smallest change that these logs would show."""
+    """Find what changed in a vehicle between missions, when, and the smallest change that these logs would show."""
     if series and after:
         raise ValueError(f"--series takes all missions in order: leave {_WITH} out.")
     if not series and not after:

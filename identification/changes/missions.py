@@ -12,11 +12,14 @@ from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.changes.forms import Changeable, Sized, in_form, sized, tied_names
 from identification.changes.joined import joined_sides
-from identification.deciding import DOUBT, MOST_EFFECTS, SURPRISE, TIE
+from identification.changes.moments import Moment, OfLog, Sides, Step, further_steps, sizes_by_log, step_elsewhere
+from identification.deciding import DOUBT, MOST_EFFECTS, SLIGHTLY, SURPRISE, TIE
 from identification.diagnosis.log.checking import Asked
+from identification.diagnosis.log.parts import OneLog, logs_in
 from identification.diagnosis.search.attribution import Round, attribute, confirmed, settled
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, deviations_shown, screen
+from identification.diagnosis.search.constancy import steadiness
 from identification.diagnosis.search.known import Known, fit_known
 from identification.diagnosis.search.trials import Progress, Trial
 from identification.diagnosis.search.workbench import State, Workbench
@@ -30,7 +33,8 @@ class Changed:
     """A parameter that differs between before and after.
 
     evidence: twice the gain in log-likelihood over one value for both sides.  tied: paths of what else would explain it
-    as well, preceded by the form if that is a change.  surely: whether all of these are changes.
+    as well, preceded by the form if that is a change.  surely: whether all of these are changes.  moment: when it
+    changed; None if nobody asked.  sizes: its size in each log, if there are more than two.
     """
 
     path: str
@@ -42,6 +46,8 @@ class Changed:
     evidence: float
     tied: tuple[str, ...] = ()
     surely: bool = True
+    moment: Moment | None = None
+    sizes: tuple[OfLog, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -96,6 +102,7 @@ def compare_missions(
     most: int = MOST_EFFECTS,
     doubt: float = DOUBT,
     trust: bool = False,
+    times: bool = True,
     progress: Progress = lambda fraction, text: None,
 ) -> Comparison:
     """Compare two records of a vehicle, each of one mission or of several in segments, and find what has changed.
@@ -104,7 +111,7 @@ def compare_missions(
     or belongs to one side, and a coefficient may change, too.  A change must pass the same gate as an effect in a
     diagnosis.
     names: of the missions, for the report.  most: the largest number of effects and changes.  doubt, trust: see
-    `identification.diagnosis.diagnose`.
+    `identification.diagnosis.diagnose`.  times: whether to find when each parameter changed, see `step_elsewhere`.
     """
     progress(0.0, "checking the missions")
     log, edge = joined_sides({BEFORE: before, AFTER: after}, plant, Asked(most=most, doubt=doubt, trust=trust))
@@ -126,19 +133,33 @@ def compare_missions(
     found = [r for r in rounds if r.chosen is not None]
     own = [_own_paths(r, state) for r in found]
     moving = dict.fromkeys(changed(p)[1] for paths in own for p in paths if changed(p)[0])
-    rest = [c for c in alone if moving.keys().isdisjoint(c.paths)]
-    told = [one_or_two(bench, state, path, found, len(candidates)) for path in moving]
-    common = [
-        _common(bench, state, r, p)
-        for r, paths in zip(found, own, strict=True)
-        for p in paths
-        if not changed(p)[0] and p not in moving
+    told = [
+        *(
+            _common(bench, state, r, p)
+            for r, paths in zip(found, own, strict=True)
+            for p in paths
+            if not changed(p)[0] and p not in moving
+        ),
+        *(one_or_two(bench, state, path, found, len(candidates)) for path in moving),
     ]
+    if times:
+        progress(0.9, "finding when it changed")
+        sides = sides_of(log.record, edge, names)
+        told = [timed(bench, state, one, sides, len(candidates)) for one in told]
+        if _one_step_each(bench, state, told, sides):
+            paths, left = {one.path for one in told}, most - len(found)
+            others = [c for c in alone if paths.isdisjoint(c.paths)]
+            steps = further_steps(
+                known, state, others, sides, len(candidates), left, lambda f, text: progress(0.92 + 0.08 * f, text)
+            )
+            told += [_stepped(bench, step) for step in steps]
+    differing = {*moving, *(c.path for c in told if isinstance(c, Changed))}
+    rest = [c for c in alone if differing.isdisjoint(c.paths)]
     return Comparison(
         plant,
         (tuple(names[0]), tuple(names[1])),
         tuple(c for c in told if isinstance(c, Changed)),
-        (*common, *(c for c in told if isinstance(c, Common))),
+        tuple(c for c in told if isinstance(c, Common)),
         tuple(_unchanged(bench, state, rest, len(candidates))),
         len(candidates),
         {p: value_at(state.plant, p) for p in state.paths if not changed(p)[0]},
@@ -250,22 +271,9 @@ def one_or_two(bench: Workbench, state: State, path: str, rounds: Sequence[Round
     errors.
     count: number of all candidates, which sets the bar.
     """
-    spec, plant = spec_at(state.plant, path), state.plant
-    early, late, added = change(BEFORE, path), change(AFTER, path), 0.0
-    mine = [r for r in rounds if {path, early, late} & set(_own_paths(r, state))]
-    kept = [p for p in state.paths if p not in (path, early, late)]
-    if path in plant.doubted:  # its value is fitted with a prior; the change is added to it
-        free, first, second = [*kept, path, late], {path: 1.0}, {path: 1.0, late: 1.0}
-        alike = replace_at(plant, late, 0.0)
-    else:
-        added = spec.neutral
-        base = value_at(plant, path) - added
-        values = {path: added, early: base + value_at(plant, early), late: base + value_at(plant, late)}
-        free, first, second = [*kept, early, late], {early: 1.0}, {late: 1.0}
-        middle = added + 0.5 * (values[early] + values[late])
-        alike = replace_at(plant, {path: float(np.clip(middle, *spec.bounds)), early: 0.0, late: 0.0})
-        plant = replace_at(plant, values)
-    both, common = bench.fit(plant, free, state), bench.fit(alike, [*kept, path], state)
+    spec, values = spec_at(state.plant, path), _values(bench, state, path)
+    common, both, first, second = values.common, values.both, values.first, values.second
+    mine = [r for r in rounds if {path, change(BEFORE, path), change(AFTER, path)} & set(_own_paths(r, state))]
     evidence, tied = bench.gain(common, both), tied_names(mine)
     moved = sized(bench, both, {p: second.get(p, 0.0) - first.get(p, 0.0) for p in {**first, **second}})
     if evidence < threshold(count) or moved.ci95[0] <= 0.0 <= moved.ci95[1]:
@@ -275,13 +283,109 @@ def one_or_two(bench: Workbench, state: State, path: str, rounds: Sequence[Round
         path,
         spec.title or path,
         spec.unit,
-        sized(bench, both, first, added, spec.bounds),
-        sized(bench, both, second, added, spec.bounds),
+        sized(bench, both, first, values.added, spec.bounds),
+        sized(bench, both, second, values.added, spec.bounds),
         moved,
         evidence,
         tied,
-        all(t.startswith((f"{BEFORE} ", f"{AFTER} ")) for t in tied),
+        _surely(tied),
     )
+
+
+def _surely(tied: Sequence[str]) -> bool:
+    """Whether all alternatives are changes."""
+    return all(" " in t for t in tied)
+
+
+@dataclass(frozen=True, eq=False)
+class _Values:
+    """The fits of a parameter with one value for all missions, `common`, and with one on each side, `both`.
+
+    first, second: the shares of the fitted paths whose sum, plus `added`, is the value before and after.
+    """
+
+    common: State
+    both: State
+    first: dict[str, float]
+    second: dict[str, float]
+    added: float
+
+
+def _values(bench: Workbench, state: State, path: str) -> _Values:
+    """The fits of a parameter with one value and with two, with all else as in a state."""
+
+    def fitted() -> _Values:
+        spec, plant, added = spec_at(state.plant, path), state.plant, 0.0
+        early, late = change(BEFORE, path), change(AFTER, path)
+        kept = [p for p in state.paths if p not in (path, early, late)]
+        if path in plant.doubted:  # its value is fitted with a prior; the change is added to it
+            free, first, second = [*kept, path, late], {path: 1.0}, {path: 1.0, late: 1.0}
+            alike = replace_at(plant, late, 0.0)
+        else:
+            added = spec.neutral
+            base = value_at(plant, path) - added
+            values = {path: added, early: base + value_at(plant, early), late: base + value_at(plant, late)}
+            free, first, second = [*kept, early, late], {early: 1.0}, {late: 1.0}
+            middle = added + 0.5 * (values[early] + values[late])
+            alike = replace_at(plant, {path: float(np.clip(middle, *spec.bounds)), early: 0.0, late: 0.0})
+            plant = replace_at(plant, values)
+        both, common = bench.fit(plant, free, state), bench.fit(alike, [*kept, path], state)
+        return _Values(common, both, first, second, added)
+
+    return bench.once(state, ("values", path), fitted)
+
+
+def timed(bench: Workbench, state: State, told: Changed | Common, sides: Sides, count: int) -> Changed | Common:
+    """A change with its time and its sizes in the logs, or what is common on both sides.
+
+    What seems to be common is a change if its size certainly changed at another time than between the sides, and by
+    more than a little.
+    count: number of all candidates.
+    """
+    values = _values(bench, state, told.path)
+    step = step_elsewhere(bench, values.common, values.both, told.path, sides, count)
+    if isinstance(told, Common) and (step is None or not _differs(step, values.common)):
+        return told
+    sizes = sizes_by_log(bench, values.common, told.path, sides)
+    if step is None:
+        assert isinstance(told, Changed)
+        return replace(told, moment=sides.middle, sizes=sizes)
+    others = tuple(name for name in told.tied if name.rpartition(" ")[2] != told.path)
+    return _stepped(bench, replace(step, tied=others), sizes)
+
+
+def _differs(step: Step, common: State) -> bool:
+    """Whether a size before or after a step differs from the common one by more than a little."""
+    size, neutral = value_at(common.plant, step.path), spec_at(common.plant, step.path).neutral
+    return max(abs(one.value - size) for one in (step.before, step.after)) > SLIGHTLY * abs(size - neutral)
+
+
+def _one_step_each(bench: Workbench, state: State, told: Sequence[Changed | Common], sides: Sides) -> bool:
+    """Whether what was found has one size on each side: what it leaves would otherwise be taken for something else."""
+    if any(isinstance(one, Changed) and one.moment != sides.middle for one in told):
+        return False
+    return not told or not steadiness(bench, state, [one.path for one in told]).varies
+
+
+def _stepped(bench: Workbench, step: Step, sizes: tuple[OfLog, ...] = ()) -> Changed:
+    """A step at another time than between the two sides as a change."""
+    spec = spec_at(bench.plant, step.path)
+    values = step.before, step.after, step.change
+    title = spec.title or step.path
+    return Changed(
+        step.path, title, spec.unit, *values, step.evidence, step.tied, _surely(step.tied), step.moment, sizes
+    )
+
+
+def sides_of(record: Record, edge: int, names: tuple[Sequence[str], Sequence[str]]) -> Sides:
+    """The logs of a record whose second side begins at a row; the only log of a side has the side's name as label."""
+    found, rows = list[OneLog](), np.arange(len(record))
+    for begin, own, side in ((0, rows < edge, names[0]), (edge, rows >= edge, names[1])):
+        logs = logs_in(record.select(own))
+        for one in logs:
+            label, number = ", ".join(side) if len(logs) == 1 else one.name, len(found) + 1
+            found.append(OneLog(label, number, slice(one.rows.start + begin, one.rows.stop + begin)))
+    return Sides(tuple(found), edge)
 
 
 def _common(bench: Workbench, state: State, made: Round, path: str) -> Common:

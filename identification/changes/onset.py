@@ -13,7 +13,7 @@ from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.changes.forms import Changeable, Sized, in_form, kind_of, sized, tied_names, usable_log
 from identification.changes.spans import BETWEEN, OUTSIDE, best_spans, spans_of
-from identification.changes.times import moved_to_best, placed, split_evidence
+from identification.changes.times import Located, moved_to_best, placed, split_evidence
 from identification.deciding import (
     BLOCKS,
     DOUBT,
@@ -103,8 +103,8 @@ def find_onsets(
     own = {name: _paths_of(name, may) for name in courses}
     changing = ChangingPlant.of(log.plant, own, courses)
     known = fit_known(replace(log, plant=changing, parts=parts), progress)
-    forms = [_Forms.of(c, courses, k) for k, c in enumerate(may.effects)]
-    forms += [_Forms.of(c, courses) for c in may.refitted(known)]
+    forms = [Forms.of(c, courses, k) for k, c in enumerate(may.effects)]
+    forms += [Forms.of(c, courses) for c in may.refitted(known)]
     count = sum(f.count for f in forms) + 2 * len(spans_of(edges)) * len(may.effects)
     known, state, rounds, times = _beside_noises(known, forms, count, most, progress)
     bench = known.bench
@@ -114,7 +114,7 @@ def find_onsets(
 
 
 @dataclass(frozen=True)
-class _Forms:
+class Forms:
     """An effect, or a coefficient, in the forms in which it may act.
 
     throughout: None for a coefficient.  groups: from each of the times on, until each of them, growing.  spans: between
@@ -126,7 +126,7 @@ class _Forms:
     spans: tuple[Candidate, ...] = ()
 
     @classmethod
-    def of(cls, own: Candidate, courses: Mapping[str, Course], number: int | None = None) -> _Forms:
+    def of(cls, own: Candidate, courses: Mapping[str, Course], number: int | None = None) -> Forms:
         """All forms of an effect with a number, or of a coefficient (number None)."""
         kinds = (FROM, GROWING) if number is None else (FROM, UNTIL, GROWING)
         groups = tuple(tuple(in_form(own, name) for name in courses if kind_of(name) == kind) for kind in kinds)
@@ -149,11 +149,11 @@ class _Forms:
         """The forms that are screened one by one."""
         return [*([self.throughout] if self.throughout else []), *(c for group in self.groups for c in group)]
 
-    def without(self, chosen: Candidate) -> _Forms:
+    def without(self, chosen: Candidate) -> Forms:
         """The forms that are left once one is chosen; spans, built from whole groups, stay only if all groups do."""
         groups = tuple(group for group in self.groups if chosen not in group)
         whole = len(groups) == len(self.groups) and chosen is not self.throughout and chosen not in self.spans
-        return _Forms(self.throughout if chosen is not self.throughout else None, groups, self.spans if whole else ())
+        return Forms(self.throughout if chosen is not self.throughout else None, groups, self.spans if whole else ())
 
 
 def _paths_of(form: str, may: Changeable) -> list[str]:
@@ -192,13 +192,13 @@ def _courses(edges: Sequence[int], effects: int) -> dict[str, Course]:
 
 
 def _beside_noises(
-    known: Known, forms: Sequence[_Forms], count: int, most: int, progress: Progress
-) -> tuple[Known, State, list[Round], dict[str, list[Sized]]]:
+    known: Known, forms: Sequence[Forms], count: int, most: int, progress: Progress
+) -> tuple[Known, State, list[Round], dict[str, list[Located]]]:
     """The search, repeated with waves and correlated sensor errors if its result leaves some.
 
-    Returns the known part, on the bench with the times that were found, and the rest as `_searched` does.
+    Returns the known part, on the bench with the times that were found, and the rest as `searched_in_time` does.
     """
-    bench, state, rounds, times = _searched(known, forms, count, most, progress)
+    bench, state, rounds, times = searched_in_time(known, forms, count, most, progress)
     given, nominal = (placed(bench, one, {})[1] for one in (known.given, known.nominal))
     here = replace(known, bench=bench, given=given, nominal=nominal)
     progress(0.85, "looking for waves and for sensor errors that last")
@@ -206,9 +206,9 @@ def _beside_noises(
     return again or (here, state, rounds, times)
 
 
-def _searched(
-    known: Known, forms: Sequence[_Forms], count: int, most: int, progress: Progress
-) -> tuple[Workbench, State, list[Round], dict[str, list[Sized]]]:
+def searched_in_time(
+    known: Known, forms: Sequence[Forms], count: int, most: int, progress: Progress
+) -> tuple[Workbench, State, list[Round], dict[str, list[Located]]]:
     """Forward selection among effects throughout and, for each form of each, the currently most promising member.
 
     The times of an effect that is chosen, or nearly, are refined at once: a slightly wrong time would leave an error
@@ -217,7 +217,7 @@ def _searched(
     have the evidence that a name needs.  Returns the bench with these times, the state, the rounds, and the times by
     form.
     """
-    bench, state, rounds, times = known.bench, known.nominal, [], dict[str, list[Sized]]()
+    bench, state, rounds, times = known.bench, known.nominal, [], dict[str, list[Located]]()
     for number in range(most):
         share = 0.1 + 0.75 * number / most
         progress(share, "screening the times")
@@ -247,7 +247,7 @@ def _searched(
     return bench, state, rounds, times
 
 
-def _contenders(bench: Workbench, state: State, forms: Sequence[_Forms]) -> Sequence[_Forms]:
+def _contenders(bench: Workbench, state: State, forms: Sequence[Forms]) -> Sequence[Forms]:
     """The forms of the parameters in which sixths of the log seem to differ most, with given or weaker noises.
 
     All forms for a vehicle of few states; for others, each time of each form needs a costly run of the vehicle.
@@ -266,7 +266,7 @@ class _Reached:
 
     bench: Workbench
     state: State
-    times: list[Sized]
+    times: list[Located]
 
     def edges(self, form: str) -> tuple[int, ...]:
         """The rows of a form's times."""
@@ -286,7 +286,7 @@ def _nearly(made: Round, bar: float) -> Trial | None:
 def _at_best_times(bench: Workbench, trial: Trial) -> _Reached:
     """A trial's state with its times refined."""
     assert trial.state is not None
-    form, state, found = changed(trial.candidate.paths[0])[0], trial.state, dict[int, Sized]()
+    form, state, found = changed(trial.candidate.paths[0])[0], trial.state, dict[int, Located]()
     # for two times, refine the first one again once the second one is right
     for edge in {FROM: (0,), UNTIL: (0,), BETWEEN: (0, 1, 0), OUTSIDE: (0, 1, 0)}.get(kind_of(form), ()):
         bench, state, found[edge] = moved_to_best(bench, state, form, edge)
@@ -294,7 +294,7 @@ def _at_best_times(bench: Workbench, trial: Trial) -> _Reached:
 
 
 def _at_the_same_times(
-    forms: Sequence[_Forms], chosen: Candidate, reached: _Reached
+    forms: Sequence[Forms], chosen: Candidate, reached: _Reached
 ) -> tuple[list[Candidate], dict[str, tuple[int, ...]]]:
     """All candidates in the chosen form, and the rows of the refined times: each had been tried at coarse ones."""
     form = changed(chosen.paths[0])[0]
@@ -327,7 +327,7 @@ def _each_at_its_times(bench: Workbench, made: Round, reached: _Reached) -> tupl
 
 
 def _unless_throughout(
-    before: State, forms: Sequence[_Forms], made: Round, reached: _Reached, count: int
+    before: State, forms: Sequence[Forms], made: Round, reached: _Reached, count: int
 ) -> tuple[Round, _Reached]:
     """The chosen trial, or the best effect throughout the log unless the chosen one's times pass the bar against it.
 
@@ -350,7 +350,7 @@ def _unless_throughout(
 
 
 def _promising(
-    bench: Workbench, state: State, forms: Sequence[_Forms], bar: float
+    bench: Workbench, state: State, forms: Sequence[Forms], bar: float
 ) -> tuple[list[Candidate], dict[str, tuple[int, int]]]:
     """Candidates worth a trial, by regression, with the noises as they are or weaker, and the rows of two times.
 
@@ -391,7 +391,7 @@ def _promising(
 
 
 def _timed(
-    bench: Workbench, state: State, rounds: Sequence[Round], times: Mapping[str, Sequence[Sized]]
+    bench: Workbench, state: State, rounds: Sequence[Round], times: Mapping[str, Sequence[Located]]
 ) -> list[Timed]:
     """The chosen effects with sizes and times; without a form if the halves of its time contradict each other."""
     chosen = [(r, p) for r in rounds if r.chosen for p in r.chosen.candidate.paths if p in state.paths]
@@ -402,12 +402,18 @@ def _timed(
         spec, size = spec_at(state.plant, path), sized(bench, state, {name: 1.0})
         told = (spec.title or path, spec.unit)
         steady = split_evidence(bench, state, name, FROM) < threshold_of_halves(len(chosen))
-        when = times.get(form, ()) if steady else ()
+        when = [_time_of(bench.record, one) for one in times.get(form, ())] if steady else []
         first, second = (*when, None, None)[:2]
         kind = kind_of(form) if steady else ""
         tied = tied_names([made]) if kind else _throughout(path, tied_names([made]))
         found.append(Timed(path, *told, kind, size, made.evidence[0], first, second, tied, steady))
     return found
+
+
+def _time_of(record: Record, found: Located) -> Sized:
+    """A time with its interval."""
+    time, low, high = (float(record.time[row]) for row in (found.row, found.low, found.high))
+    return Sized(time, (low, high))
 
 
 def _throughout(path: str, tied: Sequence[str]) -> tuple[str, ...]:

@@ -18,11 +18,13 @@ from identification.changes.series import Series
 from identification.changes.spans import OUTSIDE
 from identification.changes.wording import (
     as_json,
+    moment_words,
     named,
     rate_of,
     scatter_of,
     series_json,
     series_summary,
+    since_words,
     size_of,
     summary,
     tied_words,
@@ -165,6 +167,7 @@ def series_page(found: Series) -> str:
             (rate.replace("-", "−"), limits.replace("-", "−")),
             t.per,
             scatter_of(t),
+            "–" if t.step is None else (amount(t.step.change.value, t.unit), since_words(t.step)),
             tied_words(t.tied, found.plant) or "–",
         )
         for t in found.trends
@@ -176,7 +179,8 @@ def series_page(found: Series) -> str:
             lambda: series_figure(found),
             "series",
             "Size of each followed parameter in every mission, with its 95 % interval and the line through them.",
-            "The estimate from each mission with its 95 % interval, and the line through the missions.",
+            "The estimate from each mission with its 95 % interval, and the line through them. It is grey if one step "
+            "explains the missions better.",
         )
         for _ in found.trends[:1]
     ]
@@ -184,10 +188,11 @@ def series_page(found: Series) -> str:
         "Trends",
         [
             "Scatter is the standard deviation of the missions about the line, beyond their own intervals. The 95 % "
-            "interval of a trend allows for it.",
+            "interval of a trend allows for it. A step between two missions is stated if it certainly explains them "
+            "better than one value, and better than a line.",
             *texts,
         ],
-        [Table(("what", "trend", "per", "scatter", "alternatives"), rows, closing=1)],
+        [Table(("what", "trend", "per", "scatter", "step", "alternatives"), rows, closing=2)],
         pictures,
     )
     content: dict[str, Any] = {
@@ -211,7 +216,13 @@ def series_figure(found: Series) -> Figure:
         limits = scale * np.array([s.ci95 for s in t.sizes])
         axes.errorbar(at, values, [values - limits[:, 0], limits[:, 1] - values], fmt="o", color=BEFORE, capsize=3)
         ends = np.array([at.min(), at.max()])
-        axes.plot(ends, scale * (t.level + t.rate.value * (ends - at.mean())), color=AFTER)
+        axes.plot(ends, scale * (t.level + t.rate.value * (ends - at.mean())), color=QUIET if t.step else AFTER)
+        if t.step is not None:
+            axes.plot(
+                [ends[0], t.step.at, t.step.at, ends[1]],
+                scale * np.repeat([t.step.before.value, t.step.after.value], 2),
+                color=AFTER,
+            )
         axes.set_title(f"{named(t)}{'' if unit == '1' else f', {typeset(unit)}'}", loc="left")
         axes.set_xlabel(t.per if t is found.trends[-1] else "")
         if t.per == "mission" and len(found.missions) <= _NAMED:
@@ -223,7 +234,9 @@ def comparison_page(found: Comparison) -> str:
     """The report as the text of one self-contained HTML page."""
     before, after = found.missions
     sections = [
-        Section("What changed", tables=[_changes(found)] if found.changed else (), texts=_texts(found)),
+        Section(
+            "What changed", tables=[_changes(found), *_by_log(found)] if found.changed else (), texts=_texts(found)
+        ),
         Section(
             "What did not change",
             [
@@ -260,7 +273,10 @@ def _texts(found: Comparison) -> list[str]:
         "All missions are fitted together. A changed parameter has one value before and one after; all others have the "
         "same value throughout. A change is named by the rules for an effect in a diagnosis: its evidence (gain in "
         f"log-likelihood) must exceed the threshold for {found.candidates} candidates, and each part of the missions, "
-        "predicted from the others, must confirm it."
+        "predicted from the others, must confirm it.",
+        "Another time than between the two sides is stated if a step at that time certainly explains the logs better, "
+        "by the threshold for the beginnings of all logs and 23 equally spaced times. The values before and after are "
+        "then those on both sides of the step.",
     ]
 
 
@@ -270,14 +286,24 @@ def _changes(found: Comparison) -> Table:
             c.title,
             *((amount(s.value, c.unit), span(s.ci95, c.unit)) for s in (c.before, c.after, c.change)),
             f"{c.evidence:.0f}",
+            "–" if c.moment is None else moment_words(c.moment),
             tied_words(c.tied, found.plant) or "–",
         )
         for c in found.changed
     ]
     for c in found.common:
         same = (amount(c.size.value, c.unit), span(c.size.ci95, c.unit))
-        rows.append((c.title, same, same, ("–", ""), f"{c.evidence:.0f}", tied_words(c.tied, found.plant) or "–"))
-    return Table(("what", "before", "after", "change", "evidence", "alternatives"), rows, closing=1)
+        rows.append((c.title, same, same, ("–", ""), f"{c.evidence:.0f}", "–", tied_words(c.tied, found.plant) or "–"))
+    return Table(("what", "before", "after", "change", "evidence", "when", "alternatives"), rows, closing=2)
+
+
+def _by_log(found: Comparison) -> list[Table]:
+    """The size of each changed parameter in each log, if there are more than two logs."""
+    return [
+        Table((f"{named(c)} in", "size"), [(s.log, (amount(s.value, c.unit), span(s.ci95, c.unit))) for s in c.sizes])
+        for c in found.changed
+        if c.sizes
+    ]
 
 
 def _steady(found: Comparison) -> Table:

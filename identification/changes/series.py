@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.stats import chi2, t as student
 
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
@@ -22,7 +22,7 @@ from auv_gym.writing import writable_folder, write_json
 from identification.campaign.running.pool import Spread, in_parallel, on_cluster
 from identification.changes.forms import Sized, refuse_overlaps
 from identification.changes.missions import Comparison, compare_missions
-from identification.deciding import DOUBT, MISSED, MOST_EFFECTS, SURPRISE
+from identification.deciding import DOUBT, MISSED, MOST_EFFECTS, PRICE, SURPRISE
 from identification.diagnosis.log.checking import Asked, check_log
 from identification.diagnosis.result_files import digest_of
 from identification.diagnosis.search.trials import Progress
@@ -31,7 +31,25 @@ from identification.diagnosis.search.workbench import Workbench
 MISSIONS, FOLLOWED = "missions", "followed.json"
 LEAST = 4  # missions of a trend; this leaves two degrees of freedom
 _KEEPS = ["paths", "values", "tied"]  # the parts of the comparison that its file keeps
+_EITHER_SIDE = 2  # least missions before a step, and after it
 _DAY = 86400.0  # s
+
+
+@dataclass(frozen=True)
+class MissionStep:
+    """A step of a parameter from one mission to the next, which explains the missions better than a line.
+
+    mission: the first one after the step.  ci95: the first and last mission of its 95 % interval.  at: when the step
+    happened, half-way between two missions, in the units of a `Trend`.  evidence: over the line.
+    """
+
+    mission: str
+    ci95: tuple[str, str]
+    at: float
+    before: Sized
+    after: Sized
+    change: Sized
+    evidence: float
 
 
 @dataclass(frozen=True)
@@ -41,7 +59,7 @@ class Trend:
     rate: change per `per`, with a 95 % interval that allows for differences between missions beyond their own
     intervals; scatter: standard deviation of these.  level: of the line at the mean of `at`.  at: when the missions
     took place, (M,), in units of `per`.  sizes: the estimates from each mission alone.  tied: paths of what else would
-    explain the change, see `Comparison`.
+    explain the change, see `Comparison`.  step: if one explains the missions better.
     """
 
     path: str
@@ -54,6 +72,7 @@ class Trend:
     at: tuple[float, ...]
     sizes: tuple[Sized, ...]
     tied: tuple[str, ...] = ()
+    step: MissionStep | None = None
 
     @property
     def sure(self) -> bool:
@@ -118,7 +137,7 @@ def _followed(
     if followed is None:
         records, half = list(missions.values()), len(missions) // 2
         halves = concat(records[:half]), concat(records[half:])
-        found = compare_missions(*halves, plant, most=most, doubt=doubt, trust=trust, progress=progress)
+        found = compare_missions(*halves, plant, most=most, doubt=doubt, trust=trust, times=False, progress=progress)
         followed = {
             "key": key,
             "paths": followed_paths(found),
@@ -142,7 +161,9 @@ def _followed(
         progress(0.85 + 0.1 * done / len(left), f"{done} of {len(left)} missions")
     each = {name: own for name, own in told.items() if own is not None}
     at, per = times
-    usable = [(when, each[name]["sizes"]) for name, when in zip(missions, at, strict=True) if "sizes" in each[name]]
+    usable = [
+        (name, when, each[name]["sizes"]) for name, when in zip(missions, at, strict=True) if "sizes" in each[name]
+    ]
     tied = followed["tied"]
     trends = [t for path in paths if (t := _trend(plant, path, usable, per, tied.get(path, ()))) is not None]
     failed = {name: own["failed"] for name, own in each.items() if "failed" in own}
@@ -177,43 +198,102 @@ def sizes_of(record: Record, plant: Plant, paths: Sequence[str], trust: bool) ->
 
 
 def _trend(
-    plant: Plant, path: str, usable: Sequence[tuple[float, Mapping[str, Any]]], per: str, tied: Sequence[str]
+    plant: Plant, path: str, usable: Sequence[tuple[str, float, Mapping[str, Any]]], per: str, tied: Sequence[str]
 ) -> Trend | None:
     """The weighted line through the missions' sizes, with a scatter between missions; None if too few can be used."""
-    told = [(when, *sizes[path]) for when, sizes in usable if 0.0 < sizes[path][1] < np.inf]
+    told = [(name, when, *sizes[path]) for name, when, sizes in usable if 0.0 < sizes[path][1] < np.inf]
     if len(told) < LEAST:
         return None
-    at, values, errors = np.array(told).T
+    names = [name for name, *_ in told]
+    at, values, errors = np.array([numbers for _, *numbers in told]).T
     slope, error, scatter, level = line(at, values, errors)
-    half = float(student.isf(0.5 * MISSED, at.size - 2)) * error
     ends = zip(values.tolist(), (SURPRISE * errors).tolist(), strict=True)
     sizes = tuple(Sized(v, (v - far, v + far)) for v, far in ends)
-    spec = spec_at(plant, path)
-    rate = Sized(slope, (slope - half, slope + half))
-    return Trend(path, spec.title or path, spec.unit, per, rate, scatter, level, tuple(at.tolist()), sizes, tuple(tied))
+    spec, rate = spec_at(plant, path), _with_interval(slope, error, at.size)
+    step = mission_step(names, at, values, errors)
+    title = spec.title or path
+    return Trend(path, title, spec.unit, per, rate, scatter, level, tuple(at.tolist()), sizes, tuple(tied), step)
 
 
 def line(at: np.ndarray, values: np.ndarray, errors: np.ndarray) -> tuple[float, float, float, float]:
     """Slope of a line through values with standard errors, its own standard error, their scatter, and its mean level.
 
-    The scatter, added to the errors, is chosen so that the weighted sum of squares equals the degrees of freedom; it is
-    zero if that sum is already smaller (Paule and Mandel 1982).
+    For the scatter see `_Weighted`.
     """
-    design = np.stack([np.ones(at.size), at - at.mean()], axis=1)
+    found = _Weighted.of(_line_through(at), values, errors)
+    (level, slope), (_, error) = found.values.tolist(), found.errors.tolist()
+    return slope, error, found.scatter, level
 
-    def fitted(scatter: float) -> tuple[np.ndarray, np.ndarray, float]:
-        weights = 1.0 / (errors**2 + scatter**2)
-        covariance = np.linalg.inv(design.T @ (weights[:, None] * design))
-        found = covariance @ (design.T @ (weights * values))
-        return found, covariance, float(weights @ (values - design @ found) ** 2)
 
-    free, low, high = at.size - 2, 0.0, 2.0 * float(np.ptp(values)) + float(errors.max())
-    if fitted(0.0)[2] > free:
-        for _ in range(60):  # bisections, down to rounding
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if fitted(middle)[2] > free else (low, middle)
-    found, covariance, _ = fitted(low)
-    return float(found[1]), float(np.sqrt(covariance[1, 1])), low, float(found[0])
+def mission_step(names: Sequence[str], at: np.ndarray, values: np.ndarray, errors: np.ndarray) -> MissionStep | None:
+    """The step that explains values with standard errors certainly better than one value, and better than a line.
+
+    At least two missions lie on either side: a single one that deviates first or last may be an outlier.  Its size must
+    differ from zero at the level of a 95 % interval, divided among all steps that were tried, and its evidence over a
+    line must pay for the choice of the time.
+    """
+    later = np.arange(at.size)
+    firsts = range(_EITHER_SIDE, at.size - _EITHER_SIDE + 1)
+    tried = {k: _Weighted.of(np.stack([later < k, later >= k], axis=1).astype(float), values, errors) for k in firsts}
+    first = max(tried, key=lambda k: tried[k].likelihood)
+    best = tried[first]
+    (before, after), change = best.values.tolist(), float(best.values[1] - best.values[0])
+    error = float(np.hypot(*best.errors))  # no value is in both sides
+    evidence = 2.0 * (best.likelihood - _Weighted.of(_line_through(at), values, errors).likelihood)
+    chance = 2.0 * float(student.sf(abs(change) / error, at.size - 2)) * len(tried)
+    if chance > MISSED or evidence < PRICE + 2.0 * np.log(len(tried)):
+        return None
+    likely = [k for k, one in tried.items() if one.likelihood > best.likelihood - 0.5 * float(chi2.isf(MISSED, 1))]
+    sizes = [
+        _with_interval(value, own, at.size)
+        for value, own in zip((before, after, change), (*best.errors.tolist(), error), strict=True)
+    ]
+    middle = 0.5 * float(at[first - 1] + at[first])
+    return MissionStep(names[first], (names[likely[0]], names[likely[-1]]), middle, *sizes, evidence)
+
+
+def _line_through(at: np.ndarray) -> np.ndarray:
+    """The regressors of a line: its level at the mean time, and its slope."""
+    return np.stack([np.ones(at.size), at - at.mean()], axis=1)
+
+
+def _with_interval(value: float, error: float, count: int) -> Sized:
+    """A value of two that were fitted to so many missions, with its 95 % interval (Student's t)."""
+    half = float(student.isf(0.5 * MISSED, count - 2)) * error
+    return Sized(value, (value - half, value + half))
+
+
+@dataclass(frozen=True, eq=False)
+class _Weighted:
+    """Values of a weighted regression, their standard errors, the scatter of the data, and the log-likelihood.
+
+    The scatter, added to the errors of the data, is chosen so that the weighted sum of squares equals the degrees of
+    freedom; it is zero if that sum is already smaller (Paule and Mandel 1982).
+    """
+
+    values: np.ndarray
+    errors: np.ndarray
+    scatter: float
+    likelihood: float
+
+    @classmethod
+    def of(cls, design: np.ndarray, values: np.ndarray, errors: np.ndarray) -> _Weighted:
+        """The regression of values with standard errors on the columns of a matrix."""
+
+        def fitted(scatter: float) -> tuple[np.ndarray, np.ndarray, float, float]:
+            weights = 1.0 / (errors**2 + scatter**2)
+            covariance = np.linalg.inv(design.T @ (weights[:, None] * design))
+            found = covariance @ (design.T @ (weights * values))
+            squares = float(weights @ (values - design @ found) ** 2)
+            return found, covariance, squares, 0.5 * float(np.log(weights).sum() - squares)
+
+        free, low, high = len(values) - design.shape[1], 0.0, 2.0 * float(np.ptp(values)) + float(errors.max())
+        if fitted(0.0)[2] > free:
+            for _ in range(60):  # bisections, down to rounding
+                middle = 0.5 * (low + high)
+                low, high = (middle, high) if fitted(middle)[2] > free else (low, middle)
+        found, covariance, _, likelihood = fitted(low)
+        return cls(found, np.sqrt(np.diag(covariance)), low, likelihood)
 
 
 def _times(missions: Mapping[str, Record]) -> tuple[list[float], str]:

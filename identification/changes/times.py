@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
 
-from identification.changes.forms import Sized, kind_of
+from identification.changes.forms import kind_of
 from identification.deciding import BLOCKS, MISSED
 from identification.diagnosis.search.candidates import Candidate, screen
 from identification.diagnosis.search.workbench import State, Workbench
@@ -33,14 +33,23 @@ def placed(bench: Workbench, state: State, edges: Mapping[str, tuple[int, ...]])
     return other, replace(state, plant=problem.plant_at(state.point, state.paths))
 
 
-def moved_to_best(bench: Workbench, state: State, form: str, number: int) -> tuple[Workbench, State, Sized]:
-    """Move one of a form's edges to its most likely row; returns the bench, the state, and the time with its interval.
+@dataclass(frozen=True)
+class Located:
+    """A row of a record, and the rows at the ends of its 95 % interval."""
+
+    row: int
+    low: int
+    high: int
+
+
+def moved_to_best(bench: Workbench, state: State, form: str, number: int) -> tuple[Workbench, State, Located]:
+    """Move one of a form's edges to its most likely row; returns the bench, the state, and the row with its interval.
 
     number: of the edge.  Nearby rows are scanned first, since commands that change produce several local optima; steps
     that are halved then refine the best one.  Parameters and starts are refitted with the filter's gains held.  The
     interval ends at the first rows where the log-likelihood has fallen by `_DROP`.
     """
-    problem, time = bench.problem, bench.record.time
+    problem = bench.problem
     plant = problem.plant
     assert isinstance(plant, ChangingPlant)
     edges = plant.courses[form].edges
@@ -71,13 +80,13 @@ def moved_to_best(bench: Workbench, state: State, form: str, number: int) -> tup
         else:
             step //= 2
     within = [r for r in tried if likely(r) > likely(best) - _DROP]
-    ends = [_end(likely, best, side, limit) for side, limit in ((min(within), low), (max(within), high))]
+    ends = (_end(likely, best, min(within), low), _end(likely, best, max(within), high))
     _, moved, point = tried[best]
     other = copy(bench)
     other.problem, other.plant = moved, moved.plant
     point = moved.solve(moved.plant_at(point, state.paths), state.paths, point, iterations=4)
     reached = State(moved.plant_at(point, state.paths), state.paths, point)
-    return other, reached, Sized(float(time[best]), (float(time[ends[0]]), float(time[ends[1]])))
+    return other, reached, Located(best, *ends)
 
 
 def _end(likely: Callable[[int], float], best: int, inner: int, limit: int) -> int:

@@ -12,8 +12,9 @@ from auv_gym.param import spec_at
 from auv_gym.plant import Plant
 from auv_gym.writing import finite
 from identification.changes.missions import AFTER, BEFORE, Changed, Common, Comparison, Unchanged
+from identification.changes.moments import Moment
 from identification.changes.onset import FROM, GROWING, UNTIL, Timed, Timeline
-from identification.changes.series import Series, Trend
+from identification.changes.series import MissionStep, Series, Trend
 from identification.changes.spans import BETWEEN, OUTSIDE
 from identification.diagnosis.wording import capital, inside, interval, quantity, sized
 
@@ -27,6 +28,7 @@ _WHEN = {  # when an effect acts, by its form
     BETWEEN: "between two times",
     OUTSIDE: "except between two times",
 }
+_LISTED = 6  # logs; with more of them, only the page and the file have the size in each
 _TOLD = 4  # unchanged parameters in the summary; the page has all of them
 
 
@@ -50,7 +52,26 @@ def changed_words(c: Changed, plant: Plant) -> str:
     if c.tied:
         text += f" The missions cannot tell this from: {tied_words(c.tied, plant)}."
         text += "" if c.surely else " So it is not certain that anything has changed."
+    if c.moment is not None:
+        when, limits = moment_words(c.moment)
+        text += f" It changed {when}{f' (95 % interval {limits})' if limits else ''}"
+        text += "." if limits else ": no other time explains the logs better."
+    if 0 < len(c.sizes) <= _LISTED:
+        text += f" In each log: {', '.join(f'{one.log} {quantity(one.value, c.unit)}' for one in c.sizes)}."
     return text
+
+
+def moment_words(m: Moment) -> tuple[str, str]:
+    """When a parameter changed, and the 95 % interval: `within a.nc, 12 s after its beginning`, `8 to 16 s`."""
+    if m.ci95 is None:
+        limits = ""
+    elif m.time is None:
+        limits = " to ".join(f"{one.time:.0f} s of {one.log}" for one in m.ci95)
+    else:
+        limits = f"{m.ci95[0].time:.0f} to {m.ci95[1].time:.0f} s"
+    if m.time is None:
+        return f"between {m.between[0]} and {m.between[1]}", limits
+    return f"within {m.time.log}, {m.time.time:.0f} s after its beginning", limits
 
 
 def tied_words(tied: Sequence[str], plant: Plant) -> str:
@@ -132,9 +153,24 @@ def series_summary(found: Series) -> list[str]:
         lines.append(f"{capital(named(t))} {'changes by' if t.sure else 'shows no trend:'} {rate}.")
         if t.tied:
             lines[-1] += f" The missions cannot tell this from: {tied_words(t.tied, found.plant)}."
-        if not t.sure and t.scatter > _FAR * max(0.5 * (s.ci95[1] - s.ci95[0]) for s in t.sizes):
+        if t.step is not None:
+            lines[-1] += f" {mission_step_words(t.step, t.unit)}"
+        elif not t.sure and t.scatter > _FAR * max(0.5 * (s.ci95[1] - s.ci95[0]) for s in t.sizes):
             lines[-1] += " The missions differ by far more than their own intervals, but not along a line."
     return lines or ["Too few of the missions show any parameter, so there is no trend to report."]
+
+
+def mission_step_words(step: MissionStep, unit: str) -> str:
+    """A sentence on the step of a parameter between two missions."""
+    values = f"from {quantity(step.before.value, unit)} to {quantity(step.after.value, unit)}"
+    change = f"by {quantity(step.change.value, unit)} (95 % interval {interval(step.change.ci95, unit)})"
+    return f"One step explains the missions better than a line: {values}, {change}, {since_words(step)}."
+
+
+def since_words(step: MissionStep) -> str:
+    """The mission from which on a parameter has its later value: `from dive5.nc on (95 % interval dive4.nc to ...)`."""
+    first, last = step.ci95
+    return f"from {step.mission} on" + ("" if first == last else f" (95 % interval {first} to {last})")
 
 
 def rate_of(t: Trend) -> tuple[str, str]:

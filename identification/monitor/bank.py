@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import root_scalar
 from scipy.stats import chi2
 
-from auv_gym.compiled import outlined, ready
+from auv_gym.compiled import compiled, outlined, ready
 
 LEAST = 1e-200  # keeps a sum of squares from being zero
 CLIP = 5.0  # of an innovation; the lowest bar is higher, so a single outlier raises no alarm
@@ -47,20 +47,26 @@ class Bank:
 
     columns: (J - 1,), positions of the signals after the constant one among inputs and states.
     inflation: (S, 2, C), the mean of z squared over a clean log if above 1: for sums, and for mean squares.
-    squares: (S, J + 1, C), of z; the last row is that of the mean squares, zero if these are below expectation.  told:
-    the greatest pooled square, its memory and signal; the greatest single square, its memory and signal.
+    told: the greatest pooled square, its memory and signal; the greatest single square, its memory and signal.
     """
 
     def __init__(self, lasting: np.ndarray, columns: np.ndarray, channels: int, inflation: np.ndarray | None = None):
         count, signals = len(lasting), 1 + len(columns)
         inflation = np.ones((count, 2, channels)) if inflation is None else inflation
         # sums of innovations times signals and of squared signals; of squared innovations, weights and squared weights
-        self._sums, self._own = np.zeros((count, signals, 2, channels)), np.zeros((count, 3, channels))
+        self._sums, self._own = np.zeros((count, 2, channels, signals)), np.zeros((count, 3, channels))
         self._means = np.zeros((count, signals + 1))  # of the signals; the last one is the weight of the past
-        self.squares, self.told = np.zeros((count, signals + 1, channels)), np.zeros(6)
-        room = np.zeros((2, channels))
-        self._numbers = (self._sums, self._own, self._means, self.squares, self.told, room)
+        self.told, room = np.zeros(6), np.zeros((7, max(channels, signals)))
+        self._numbers = (self._sums, self._own, self._means, self.told, room)
         self._columns, self._settings, self._program = columns, (np.exp(-1.0 / lasting), 1.0 / inflation), ready(_taken)
+
+    @property
+    def squares(self) -> np.ndarray:
+        """The squares of z, (S, J + 1, C); the last row is that of the mean squares, zero if below expectation."""
+        count, _, channels, signals = self._sums.shape
+        found = np.zeros((count, signals + 1, channels))
+        _squared(self._settings[1], self._sums, self._own, found)
+        return found
 
     def clear(self) -> None:
         """Forget the past."""
@@ -80,67 +86,94 @@ class Bank:
         return found
 
 
-@outlined
-def _taken(
-    innovations, scales, inputs, states, columns, decays, inverse, sums, own, means, squares, told, room
-):  # fmt: skip
-    """Update all sums with one sample, see `Bank.take`; channels are innermost.
+@compiled
+def _square(total, power, inverse):
+    """The square of z, from a sum of innovations times a signal and that of the squared signal."""
+    return total**2 * inverse / (power + LEAST)
 
-    inverse: 1 over the inflation.  room: work array, (2, C).
+
+@compiled
+def _mean_square(total, weight, squared, inverse):
+    """The square of z of a mean square, 0 if this is below expectation.
+
+    total: sum of squared innovations.  weight, squared: sums of their weights, and of the squares of these.
     """
-    count, number, _, channels = sums.shape
-    e, there = room[0], room[1]
+    if total > weight:
+        spread = 2.0 * squared / (9.0 * weight**2)
+        z = np.cbrt(total / weight) - 1.0 + spread
+        return z * z / spread * inverse
+    return 0.0
+
+
+@outlined
+def _taken(innovations, scales, inputs, states, columns, decays, inverse, sums, own, means, told, room):
+    """Update all sums with one sample, see `Bank.take`; signals are innermost, as a sum over channels is a serial loop.
+
+    inverse: 1 over the inflation.  room: work array, (7, max(C, J)).
+    """
+    count, _, channels, number = sums.shape
+    e, there, signal, factor, power = room[0], room[1], room[2], room[3], room[4]
+    pooled, single = room[5], room[6]
     for c in range(channels):
         there[c] = 1.0 if np.isfinite(innovations[c]) else 0.0
         e[c] = min(max(scales[c] * innovations[c], -CLIP), CLIP) if there[c] > 0.0 else 0.0
+    for j in range(1, number):
+        k = columns[j - 1]
+        signal[j] = inputs[k] if k < inputs.shape[0] else states[k - inputs.shape[0]]
+    factor[0], power[0] = 1.0, 1.0
     told[0], told[3] = 0.0, 0.0
     for s in range(count):
         decay = decays[s]
         faster = decay * decay
         weight = decay * means[s, number] + 1.0
-        for j in range(number):
-            factor = 1.0
-            if j > 0:
-                k = columns[j - 1]
-                factor = (inputs[k] if k < inputs.shape[0] else states[k - inputs.shape[0]]) - means[s, j]
-                means[s, j] += factor / weight
-                factor = factor if weight > 1.0 else 0.0
-            power = factor * factor
-            total = 0.0
-            for c in range(channels):
-                sums[s, j, 0, c] = decay * sums[s, j, 0, c] + factor * e[c]
-                sums[s, j, 1, c] = faster * sums[s, j, 1, c] + power * there[c]
-            for c in range(channels):
-                squares[s, j, c] = sums[s, j, 0, c] ** 2 * inverse[s, 0, c] / (sums[s, j, 1, c] + LEAST)
-            for c in range(channels):
-                total += squares[s, j, c]
-            if total > told[0]:
-                told[0], told[1], told[2] = total, s, j
-            if total > told[3]:  # otherwise no single one can be greater
-                for c in range(channels):
-                    if squares[s, j, c] > told[3]:
-                        told[3], told[4], told[5] = squares[s, j, c], s, j
+        for j in range(1, number):
+            apart = signal[j] - means[s, j]
+            means[s, j] += apart / weight
+            factor[j] = apart if weight > 1.0 else 0.0
+            power[j] = factor[j] * factor[j]
         means[s, number] = weight
+        for j in range(number):
+            pooled[j], single[j] = 0.0, 0.0
+        for c in range(channels):
+            error, seen, share = e[c], there[c], inverse[s, 0, c]
+            for j in range(number):
+                sums[s, 0, c, j] = decay * sums[s, 0, c, j] + factor[j] * error
+                sums[s, 1, c, j] = faster * sums[s, 1, c, j] + power[j] * seen
+                square = _square(sums[s, 0, c, j], sums[s, 1, c, j], share)
+                pooled[j] += square
+                single[j] = max(single[j], square)
+        for j in range(number):
+            if pooled[j] > told[0]:
+                told[0], told[1], told[2] = pooled[j], s, j
+            if single[j] > told[3]:
+                told[3], told[4], told[5] = single[j], s, j
         for c in range(channels):
             own[s, 0, c] = decay * own[s, 0, c] + e[c] * e[c]
             own[s, 1, c] = decay * own[s, 1, c] + there[c]
             own[s, 2, c] = faster * own[s, 2, c] + there[c]
         for c in range(channels):
-            squares[s, number, c] = 0.0
-            if own[s, 0, c] > own[s, 1, c]:
-                spread = 2.0 * own[s, 2, c] / (9.0 * own[s, 1, c] ** 2)
-                z = np.cbrt(own[s, 0, c] / own[s, 1, c]) - 1.0 + spread
-                squares[s, number, c] = z * z / spread * inverse[s, 1, c]
-                if squares[s, number, c] > told[3]:
-                    told[3], told[4], told[5] = squares[s, number, c], s, number
+            square = _mean_square(own[s, 0, c], own[s, 1, c], own[s, 2, c], inverse[s, 1, c])
+            if square > told[3]:
+                told[3], told[4], told[5] = square, s, number
 
 
 @outlined
-def _greatest(innovations, signals, columns, decays, inverse, sums, own, means, squares, told, room, found):
+def _squared(inverse, sums, own, found):
+    """Compute all squares of z, see `Bank.squares`."""
+    count, _, channels, number = sums.shape
+    for s in range(count):
+        for c in range(channels):
+            for j in range(number):
+                found[s, j, c] = _square(sums[s, 0, c, j], sums[s, 1, c, j], inverse[s, 0, c])
+            found[s, number, c] = _mean_square(own[s, 0, c], own[s, 1, c], own[s, 2, c], inverse[s, 1, c])
+
+
+@outlined
+def _greatest(innovations, signals, columns, decays, inverse, sums, own, means, told, room, found):
     """Run the tests over samples and keep the greatest squares; see `Bank.greatest`."""
     scales, none = np.ones(innovations.shape[1]), np.zeros(0)
     for k in range(innovations.shape[0]):
-        numbers = (columns, decays, inverse, sums, own, means, squares, told, room)
+        numbers = (columns, decays, inverse, sums, own, means, told, room)
         _taken(innovations[k], scales, signals[k], none, *numbers)
         found[0], found[1] = max(found[0], told[0]), max(found[1], told[3])
 

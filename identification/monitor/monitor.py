@@ -33,6 +33,7 @@ CONSTANT, SCATTER = "constant", "scatter"
 _OF_CLEAN, _KEPT_ON = 0.05, 2.0
 _LONGEST = 1000.0  # samples
 _LEAST_CLEAN = 200  # samples of a clean log
+_MOST_INTERVALS = 10000  # of a clean log between two samples, through which the filter still goes
 _BEHIND, _AFTER = 6.0, 3.0  # in windows of the vehicle: the span before and after an alarm that is diagnosed
 
 
@@ -106,7 +107,7 @@ class Monitor:
         self._bank = Bank(learned.memories, learned.columns, len(learned.plan.channels), learned.inflation)
         rate = false_alarms_per_hour * learned.interval / 3600.0
         self.bars = bars_for(self._bank, learned.clean, learned.present, rate, np.random.default_rng(0))
-        self._scales = 1.0 / learned.unit
+        self._scales, self._shapes = 1.0 / learned.unit, ((len(learned.plant.inputs),), (len(learned.plant.outputs),))
         rows = int((_BEHIND + _AFTER) * learned.plant.window / learned.interval) + 1
         self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque(maxlen=rows)
 
@@ -172,7 +173,14 @@ class Monitor:
         at the end, likewise; NaN if there is none.
         """
         u, y = self._vectors(inputs, measured)
-        return self._step(u, y, self.learned.interval if duration is None else duration)
+        if duration is None:
+            return self._step(u, y, self.learned.interval)
+        if not 0.0 < duration <= _MOST_INTERVALS * self.learned.interval:
+            raise ValueError(
+                f"A monitor's step needs the seconds since the last sample, above 0 and at most {_MOST_INTERVALS} of "
+                f"its intervals of {self.learned.interval:g} s, got {duration}: after a longer gap, begin again."
+            )
+        return self._step(u, y, duration)
 
     def _step(self, u: np.ndarray, y: np.ndarray, duration: float) -> Alarm | None:
         self.time += duration
@@ -182,7 +190,7 @@ class Monitor:
             return None
         self._bank.take(own.innovations, self._scales, own.inputs, own.states)
         told, bars = self._bank.told, self.bars
-        self.over = max(told[0] / bars.pooled, told[3] / bars.single)
+        self.over = max(told.item(0) / bars.pooled, told.item(3) / bars.single)
         return self._alarm() if self.over > 1.0 else None
 
     def replay(self, record: Record) -> Iterator[Alarm | None]:
@@ -201,6 +209,8 @@ class Monitor:
 
     def stretch(self) -> Record:
         """The last samples, as a record."""
+        if len(self._kept) < 2:
+            raise ValueError(f"A monitor's stretch needs at least two samples, got {len(self._kept)}: step it first.")
         plant, (time, inputs, outputs) = self.learned.plant, zip(*self._kept, strict=True)
         held = np.array([*inputs[1:], inputs[-1]])  # a row of a record holds the commands from that row on
         columns = dict(zip(plant.inputs, held.T, strict=True))
@@ -222,13 +232,20 @@ class Monitor:
         return find_onsets(record, plant, **options)
 
     def _vectors(self, inputs: Values, measured: Values) -> tuple[np.ndarray, np.ndarray]:
+        """Both as arrays of their own, since they are kept."""
         plant = self.learned.plant
-        if isinstance(inputs, Mapping):
+        # whether something is an array is known much faster than whether it is a mapping
+        if not isinstance(inputs, np.ndarray) and isinstance(inputs, Mapping):
             inputs = np.array([inputs[n] if n in inputs else plant.constants[n] for n in plant.inputs])
-        if isinstance(measured, Mapping):
+        if not isinstance(measured, np.ndarray) and isinstance(measured, Mapping):
+            if measured and not any(n in measured for n in plant.outputs):
+                raise ValueError(
+                    f"A monitor of {plant.name} needs readings of {', '.join(plant.outputs)}, got "
+                    f"{', '.join(measured)}: rename them."
+                )
             measured = np.array([measured.get(n, np.nan) for n in plant.outputs])
-        u, y = np.array(inputs, dtype=np.float64), np.array(measured, dtype=np.float64)
-        if u.shape != (len(plant.inputs),) or y.shape != (len(plant.outputs),):  # compiled code does not check indices
+        u, y = np.array(inputs, np.float64), np.array(measured, np.float64)
+        if (u.shape, y.shape) != self._shapes:  # compiled code does not check indices
             names, count = ", ".join((*plant.inputs, *plant.outputs)), (len(plant.inputs), len(plant.outputs))
             raise ValueError(
                 f"A monitor of {plant.name} needs {count[0]} inputs and {count[1]} readings ({names}), got arrays of "
@@ -271,9 +288,9 @@ def _learned(record: Record, plan: FilterPlan, lasting: np.ndarray, steady: bool
     bank, sums, seen = Bank(lasting, columns, count), np.zeros((len(lasting), 2, count)), np.zeros(len(lasting))
     for k, (e, signals) in enumerate(zip(errors, clean, strict=True)):
         bank.take(e, 1.0 / unit, signals, signals[:0])
-        late = k > 2.0 * lasting
-        sums[late, 0] += bank.squares[late, :-1].mean(axis=1)
-        sums[late, 1] += bank.squares[late, -1]
+        late, squares = k > 2.0 * lasting, bank.squares
+        sums[late, 0] += squares[late, :-1].mean(axis=1)
+        sums[late, 1] += squares[late, -1]
         seen += late
     inflation = np.maximum(sums / np.maximum(seen, 1.0)[:, None, None], 1.0)
     return Learned(

@@ -12,7 +12,7 @@ from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
 from identification.changes.page import write_series
-from identification.changes.series import FOLLOWED, MISSIONS, follow_series, line
+from identification.changes.series import FOLLOWED, MISSIONS, _trend, follow_series, line, mission_step
 from identification.experiments.heading_control import closed_loop
 from scripts.studies.series_resilience import STUDY, dives, hashes
 
@@ -33,6 +33,42 @@ def test_a_line_holds_its_slope_where_missions_scatter_and_is_weighted_where_the
         assert np.median(scatters) == pytest.approx(scatter, abs=0.1)
         held.append(float(np.mean(np.abs(slopes - 0.2) < 2.228 * stated)))  # Student's t of ten degrees of freedom
     assert min(held) > 0.92  # 95 % of 400, less 3 standard errors
+
+
+@pytest.mark.parametrize("scatter", [0.0, 1.0])
+def test_a_step_is_named_with_its_mission_and_seldom_where_there_is_none(scatter):
+    rng, at, names = np.random.default_rng(0), np.arange(12.0), [f"m{k}" for k in range(12)]
+    errors = rng.uniform(0.1, 0.3, at.size)
+    usual = np.sqrt(np.mean(errors**2) + scatter**2)
+
+    def steps_of(shape):
+        drawn = (errors * rng.standard_normal(12) + scatter * rng.standard_normal(12) for _ in range(200))
+        return [mission_step(names, at, usual * shape + noise, errors) for noise in drawn]
+
+    # 5 % of 200, and 3 standard errors: a step is tested at the level of a 95 % interval
+    assert sum(step is not None for step in steps_of(np.zeros(12))) <= 19
+    assert sum(step is not None for step in steps_of(0.7 * at)) <= 19
+    found = [step for step in steps_of(5.0 * (at >= 7)) if step is not None]
+    assert len(found) >= 160
+    assert np.mean([step.mission == "m7" for step in found]) > 0.9
+    assert np.mean([names.index(step.ci95[0]) <= 7 <= names.index(step.ci95[1]) for step in found]) > 0.92
+    held = [step.change.ci95[0] < 5.0 * usual < step.change.ci95[1] for step in found]
+    assert np.mean(held) > 0.88  # of those that are named, which tend to be large
+    assert all(step.at == 0.5 * (int(step.mission[1:]) - 1 + int(step.mission[1:])) for step in found)
+
+
+def test_a_single_deviating_mission_at_an_end_is_no_step():
+    names, errors = list("abcdef"), np.full(6, 0.1)
+    assert mission_step(names, np.arange(6.0), np.array([0.0, 0.1, -0.1, 0.0, 0.1, 5.0]), errors) is None
+
+
+def test_a_trend_has_the_step_of_the_missions_that_can_be_used():
+    sizes = {f"m{k}": (0.03 * (k >= 3), 0.001 if k != 1 else 0.0) for k in range(8)}  # nothing is known of the second
+    usable = [(name, float(k), {OFFSET: one}) for k, (name, one) in enumerate(sizes.items())]
+    found = _trend(load_vehicle("slocum"), OFFSET, usable, "mission", ())
+    assert (found.step.mission, found.step.ci95, found.step.at) == ("m3", ("m3", "m3"), 2.5)
+    assert found.step.before.value == pytest.approx(0.0)
+    assert found.step.after.value == pytest.approx(0.03)
 
 
 def test_a_trend_needs_four_missions(tmp_path):

@@ -6,9 +6,9 @@ import pytest
 
 from auv_gym.plant import load_vehicle
 from identification.changes.forms import Sized
-from identification.changes.page import series_page
-from identification.changes.series import Series, Trend, _paths_tied
-from identification.changes.wording import scatter_of, series_summary
+from identification.changes.page import series_figure, series_page
+from identification.changes.series import MissionStep, Series, Trend, _paths_tied
+from identification.changes.wording import scatter_of, series_json, series_summary
 
 SIZES = tuple(Sized(value, (value - 0.001, value + 0.001)) for value in (0.0, 0.0, 0.03, 0.03))
 OFFSET = Trend(
@@ -26,6 +26,30 @@ def test_a_step_between_missions_is_no_trend_and_is_said_to_be_more_than_noise()
     assert line.startswith("Rudder offset shows no trend: 0.688 deg a mission")
     assert line.endswith("The missions differ by far more than their own intervals, but not along a line.")
     assert series_summary(series(replace(OFFSET, scatter=0.001)))[0].endswith("deg).")
+
+
+STEP = MissionStep(
+    "dive2.nc", ("dive2.nc", "dive2.nc"), 1.5,
+    Sized(0.0, (-0.001, 0.001)), Sized(0.03, (0.029, 0.031)), Sized(0.03, (0.028, 0.032)), 40.0,
+)  # fmt: skip
+
+
+def test_a_step_that_explains_the_missions_better_is_said_drawn_and_in_the_file(tmp_path):
+    found = series(replace(OFFSET, step=STEP))
+    (line,) = series_summary(found)
+    assert line.endswith(
+        " One step explains the missions better than a line: from 0 deg to 1.72 deg, by 1.72 deg "
+        "(95 % interval 1.6 to 1.83 deg), from dive2.nc on."
+    )
+    wide = series_summary(series(replace(OFFSET, step=replace(STEP, ci95=("dive1.nc", "dive3.nc")))))[0]
+    assert wide.endswith("from dive2.nc on (95 % interval dive1.nc to dive3.nc).")
+    assert series_json(found)["trends"][0]["step"]["mission"] == "dive2.nc"
+    assert series_json(series(OFFSET))["trends"][0]["step"] is None
+    pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
+    assert "from dive2.nc on" in series_page(found).split("<table")[1]
+    (axes,) = series_figure(found).axes
+    drawn = [line.get_xydata().tolist() for line in axes.lines if len(line.get_xydata()) == 4]
+    assert [[0.0, 0.0], [1.5, 0.0], [1.5, pytest.approx(1.7189, abs=1e-4)]] in [own[:3] for own in drawn]
 
 
 def test_what_else_would_explain_a_trend_is_said_and_on_the_page():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import poisson
 
-from identification.monitor.bank import Bank, bars_for, memories
+from identification.monitor.bank import CLIP, LEAST, Bank, bars_for, memories
 
 NONE = np.zeros(0)
 
@@ -29,6 +29,55 @@ def test_sums_are_those_of_their_definition_also_where_readings_are_missing():
             there = np.isfinite(e[:, c])
             total = (weights * factor * np.where(there, e[:, c], 0.0)).sum()
             np.testing.assert_allclose(bank.squares[0, j, c], total**2 / ((weights * factor)[there] ** 2).sum())
+
+
+def plainly(innovations, signals, lasting, inflation):
+    """The squares and what is greatest after each sample, in the order of the sums as they are defined."""
+    (count, channels), number = innovations.shape, 1 + signals.shape[1]
+    sums, own = np.zeros((len(lasting), number, 2, channels)), np.zeros((len(lasting), 3, channels))
+    means, weights = np.zeros((len(lasting), number)), np.zeros(len(lasting))
+    for k in range(count):
+        there = np.isfinite(innovations[k]).astype(float)
+        e = np.clip(np.where(there > 0.0, innovations[k], 0.0), -CLIP, CLIP)
+        squares, told = np.zeros((len(lasting), number + 1, channels)), [0.0] * 6
+        for s, decay in enumerate(np.exp(-1.0 / lasting)):
+            weights[s] = decay * weights[s] + 1.0
+            for j in range(number):
+                factor = 1.0
+                if j > 0:
+                    apart = signals[k, j - 1] - means[s, j]
+                    means[s, j] += apart / weights[s]
+                    factor = apart if weights[s] > 1.0 else 0.0
+                sums[s, j, 0] = decay * sums[s, j, 0] + factor * e
+                sums[s, j, 1] = decay * decay * sums[s, j, 1] + factor * factor * there
+                squares[s, j] = sums[s, j, 0] ** 2 * (1.0 / inflation[s, 0]) / (sums[s, j, 1] + LEAST)
+                pooled, single = sum(squares[s, j].tolist()), squares[s, j].max()
+                told[:3] = (pooled, s, j) if pooled > told[0] else told[:3]
+                told[3:] = (single, s, j) if single > told[3] else told[3:]
+            for row, own_share in enumerate((e * e, there, there)):
+                own[s, row] = (decay * decay if row == 2 else decay) * own[s, row] + own_share
+            above = own[s, 0] > own[s, 1]
+            spread = 2.0 * own[s, 2, above] / (9.0 * own[s, 1, above] ** 2)
+            z = np.cbrt(own[s, 0, above] / own[s, 1, above]) - 1.0 + spread
+            squares[s, number, above] = z * z / spread * (1.0 / inflation[s, 1, above])
+            single = squares[s, number].max()
+            told[3:] = (single, s, number) if single > told[3] else told[3:]
+        yield squares, told
+
+
+def test_sums_have_every_bit_of_plain_loops():
+    """However the compiled loops are nested: alarms must not depend on that."""
+    rng, lasting = np.random.default_rng(3), memories(40.0)
+    e, u = rng.standard_normal((60, 5)), np.cumsum(rng.standard_normal((60, 3)), axis=0)
+    e[rng.random(e.shape) < 0.2], e[20, 1] = np.nan, 9.0
+    inflation = rng.uniform(1.0, 1.5, (len(lasting), 2, 5))
+    bank = Bank(lasting, np.array([1, 0, 2]), 5, inflation)
+    for k, (squares, told) in enumerate(plainly(e, u[:, [1, 0, 2]], lasting, inflation)):
+        bank.take(e[k], np.ones(5), u[k, :2], u[k, 2:])
+        np.testing.assert_array_equal(bank.squares[:, :-1], squares[:, :-1])
+        np.testing.assert_allclose(bank.squares[:, -1], squares[:, -1], rtol=1e-12)  # cube roots differ by a rounding
+        np.testing.assert_allclose(bank.told, told, rtol=1e-12)
+        assert bank.told[0] == told[0]
 
 
 @pytest.mark.slow

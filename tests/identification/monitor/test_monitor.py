@@ -178,3 +178,10 @@ def test_a_monitor_says_what_it_needs(slocum, clean):
     monitor = Monitor.learn(clean, slocum, noise=NOISE)
     with pytest.raises(ValueError, match="got arrays of shape"):
         monitor.step(np.zeros(1), np.zeros(1))
+    with pytest.raises(ValueError, match="at least two samples, got 0"):
+        monitor.stretch()
+    for duration in (0.0, -4.0, np.nan, 1e9):
+        with pytest.raises(ValueError, match="seconds since the last sample"):
+            monitor.step(np.zeros(len(slocum.inputs)), np.zeros(len(slocum.outputs)), duration)
+    with pytest.raises(ValueError, match="got heading: rename them"):
+        monitor.step({"rudder_rad": 0.0}, {"heading": 0.1})
