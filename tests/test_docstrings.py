@@ -6,13 +6,16 @@ from types import ModuleType
 
 import pytest
 
-PACKAGES = ("auv_gym", "auv_gym.exports", "controllers", "identification")
+PACKAGES = ("auv_gym", "auv_gym.exports", "auv_gym.rl", "controllers", "identification")
 EXTRAS = {  # what the example of a name needs, beside the package itself
     "auv_gym.find_log": "dbdreader",
     "auv_gym.exports.casadi_model": "casadi",
     "auv_gym.exports.control_system": "control",
     "auv_gym.exports.dataset_of_records": "minari",
     "auv_gym.exports.dataset_of_rollouts": "minari",
+    "auv_gym.rl.Training": "yaml",
+    "auv_gym.rl.hyperparameters_for": "yaml",
+    "auv_gym.rl.train": "stable_baselines3",
     "identification.write_diagnosis": "matplotlib",
 }
 SHOWN_ELSEWHERE = {  # protocols, and results that a user gets and does not make, with the name whose example shows them
@@ -20,6 +23,7 @@ SHOWN_ELSEWHERE = {  # protocols, and results that a user gets and does not make
     "auv_gym.Narx": "identification.NarxLsSvm",
     "auv_gym.exports.CasadiModel": "auv_gym.exports.casadi_model",
     "auv_gym.exports.GazeboWorld": "auv_gym.exports.gazebo_world",
+    "auv_gym.rl.Trained": "auv_gym.rl.train",
     "controllers.Controller": "controllers.Pid",
     "controllers.Gains": "controllers.gains_for",
     "identification.Alarm": "identification.Monitor",
