@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
@@ -10,6 +11,7 @@ import numpy as np
 from auv_gym.records.record import Record
 
 _MOST_TOLD = 4  # values in a sentence
+_MOST_SHOWN = 60  # characters of a wrong value in an error
 
 
 @runtime_checkable
@@ -99,6 +101,25 @@ class Trained(Protocol):
         ...
 
 
+def check_model(name: str, given: object) -> None:
+    """Raise an error that names the caller, `name`, if this is not a model."""
+    if isinstance(given, Model):
+        return
+    if isinstance(getattr(given, "model", None), Model):
+        hint = "give the fit's model, fit.model"
+    elif isinstance(given, str | os.PathLike):
+        hint = "load_model reads a model file, and load_vehicle a vehicle"
+    else:
+        hint = "it has inputs, states, outputs, dt, initial, step, output and correct"
+    raise ValueError(f"{name} needs a model, got {in_short(given)}: {hint}.")
+
+
+def in_short(given: object) -> str:
+    """A value as an error shows it: itself if it is short, otherwise its type."""
+    shown = repr(given)
+    return shown if len(shown) <= _MOST_SHOWN else f"a {type(given).__name__}"
+
+
 def model_constant_inputs(model: Model) -> Mapping[str, float]:
     """The model's default values of inputs, by channel."""
     return model.constants if isinstance(model, Supplied) else {}
@@ -184,6 +205,7 @@ def simulate(model: Model, record: Record) -> Record:
         >>> round(float(simulate(glider, log)["heading_rad"][-1] - log["heading_rad"][-1]), 2)
         -0.67
     """
+    check_model("simulate", model)
     measured = outputs_of(model, record)
     if not isinstance(model, Continuous):
         for segment in record.segments:
@@ -221,6 +243,7 @@ def predict(model: Model, record: Record, horizon: int = 1, starts: np.ndarray |
         >>> round(float(np.std(ahead["heading_rad"] - log["heading_rad"])), 3)
         0.027
     """
+    check_model("predict", model)
     if horizon < 1:
         raise ValueError(f"predict needs a horizon of at least 1 sample, got {horizon}: 1 is one step ahead.")
     inputs, measured = inputs_of(model, record), outputs_of(model, record)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from functools import lru_cache
 from typing import Any, NamedTuple, TypeVar, get_type_hints
 
@@ -129,8 +129,41 @@ def check_value(path: str, value: Any, spec: Spec) -> float:
     return float(value)
 
 
+def check_number(
+    name: str,
+    value: Any,
+    unit: str,
+    *,
+    above: float = -math.inf,
+    at_least: float = -math.inf,
+    at_most: float = math.inf,
+) -> None:
+    """Raise if a setting is not a finite number within its bounds."""
+    number = isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool)
+    if not number or not math.isfinite(value) or not (value > above and at_least <= value <= at_most):
+        words = (("above", above), ("of at least", at_least), ("of at most", at_most))
+        bounds = " and ".join(f"{word} {bound:g}" for word, bound in words if math.isfinite(bound))
+        raise ValueError(f"{name} needs a number{' ' * bool(bounds)}{bounds} in {unit}, got {value!r}.")
+
+
+def check_count(name: str, value: Any, least: int = 1) -> None:
+    """Raise if a setting is not a whole number of at least `least`."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+        raise ValueError(f"{name} needs a whole number of at least {least}, got {value!r}.")
+
+
+def check_names(name: str, given: Any) -> None:
+    """Raise if a setting is not a list of names; a text alone would be taken for the list of its letters."""
+    if isinstance(given, str):
+        raise ValueError(f"{name} needs a list of names, got the text {given!r}: write [{given!r}].")
+    if not isinstance(given, Collection) or not all(isinstance(one, str) for one in given):
+        raise ValueError(f"{name} needs a list of names, got {given!r}.")
+
+
 def in_unit(unit: str, word: str = " in") -> str:
     """A unit as it follows a word in an error: ` in rad`; empty for a number without unit."""
+    if unit == "channel's":
+        return " in the channel's unit"
     return "" if unit == "1" else f"{word} {unit}"
 
 
@@ -171,6 +204,8 @@ def _tree(tree: Any) -> Any:
 
 @lru_cache
 def _specs(tree_type: Any) -> tuple[tuple[str, Spec], ...]:
+    if not dataclasses.is_dataclass(tree_type):
+        raise ValueError(f"Parameters belong to a vehicle, got a {tree_type.__name__}: load_vehicle reads one by name.")
     found: list[tuple[str, Spec]] = []
     for field in dataclasses.fields(tree_type):
         if "spec" in field.metadata:

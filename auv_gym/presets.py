@@ -33,6 +33,8 @@ def list_preset_headings() -> dict[str, Heading]:
 def find_vehicle(name: str | os.PathLike) -> tuple[str, str]:
     """The text of a preset or a vehicle file (TOML), and its name for errors; raises ValueError if there is none."""
     presets = _presets()
+    if not isinstance(name, str | os.PathLike):
+        raise ValueError(f"A vehicle is the name of a preset ({', '.join(presets)}) or a .toml file, got {name!r}.")
     text = os.fspath(name)
     if text in presets:
         return _text(presets[text]), text

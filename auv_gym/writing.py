@@ -40,6 +40,12 @@ def replacing(path: str | os.PathLike) -> Generator[Path]:
         aside.unlink(missing_ok=True)
 
 
+def check_ending(path: str | os.PathLike, ending: str, what: str) -> None:
+    """Raise if a file's name ends otherwise than its format: other programs would take it for another one."""
+    if Path(path).suffix.lower() != ending:
+        raise ValueError(f"{what} ends in {ending}, got {Path(path).name!r}: rename it.")
+
+
 def write_text(path: str | os.PathLike, text: str) -> None:
     """Write text to a file, whole or not at all; raises ValueError as `replacing` does."""
     with replacing(path) as new:

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from math import radians
 from typing import Any
 
-from auv_gym.param import did_you_mean
-from auv_gym.plant import Plant
+from auv_gym.param import check_names, did_you_mean
+from auv_gym.plant import Plant, check_vehicle
 from controllers.composed.loops import Joint
 from controllers.controller import Controller
 from controllers.gains import Gains, Loops, NoGains, gains_for
@@ -32,6 +32,9 @@ def autopilot(plant: Plant, kind: str = "pid", targets: Sequence[str] | None = N
         >>> pilot.commands
         ('rudder_rad', 'stern_plane_rad')
     """
+    check_vehicle("autopilot", plant)
+    if targets is not None:
+        check_names("targets", targets)
     if kind == "pid":
         return pid_autopilot(plant, targets, **settings)
     if kind == "s_plane":

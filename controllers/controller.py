@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import nan
 from typing import Protocol, TypeVar, runtime_checkable
 
 State = TypeVar("State")
@@ -27,11 +28,11 @@ class Controller(Protocol[State]):
 
 
 def time_step(reading: Mapping[str, float]) -> float:
-    """The time since a controller's last call, s, from the reading `dt_s`; raises ValueError if it is missing."""
-    try:
-        return reading["dt_s"]
-    except KeyError:
-        raise ValueError(
-            "A controller needs dt_s, the time since its last call in s, among its readings; got "
-            f"{', '.join(reading) or 'none'}: add it, such as {{**reading, 'dt_s': plant.dt}}."
-        ) from None
+    """The time since a controller's last call, s, from the reading `dt_s`; raises ValueError if there is none."""
+    dt = reading.get("dt_s", nan)
+    if dt > 0.0:
+        return dt
+    raise ValueError(
+        f"A controller needs dt_s, the time since its last call in s, above 0 among its readings; got {dict(reading)}: "
+        "add it, such as {**reading, 'dt_s': plant.dt}."
+    )

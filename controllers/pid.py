@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import inf, isfinite
 
 from auv_gym.physics.buoyancy import GRAVITY
-from auv_gym.plant import Plant
+from auv_gym.plant import Plant, check_vehicle
 from auv_gym.vehicles.glider import GliderHull, linear_yaw_coefficients
 from auv_gym.vehicles.profiling_float import steady_speed
 from controllers.tracking import OneChannel
@@ -80,6 +80,7 @@ def heading_pid(plant: Plant, *, settling: float | None = None, rate_limit: floa
         >>> round(pid.proportional, 2), round(pid.limit, 2)
         (1.5, 0.6)
     """
+    check_vehicle("heading_pid", plant)
     if not isinstance(plant.hull, GliderHull):
         raise ValueError(
             f"heading_pid places poles on a glider's linear form, got {plant.name!r} of family {plant.family.name!r}: "
@@ -128,6 +129,7 @@ def float_depth_pid(plant: Plant, *, settling: float | None = None, rate_limit: 
         >>> round(pid.proportional, 4), pid.command
         (-0.015, 'piston_m')
     """
+    check_vehicle("float_depth_pid", plant)
     if "piston_m" not in plant.family.required:
         raise ValueError(
             f"float_depth_pid moves a float's piston, got {plant.name!r} of family {plant.family.name!r}: take a "

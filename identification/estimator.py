@@ -255,13 +255,13 @@ def make_estimator(
             )
     if name == "grey_box" and "free" not in given and plant is not None:
         given["free"] = plant.coefficients
+    work = _worked_on(method, {"plant": plant, "inputs": inputs, "outputs": outputs})
     hints = get_type_hints(made)
     values = {key: _converted(name, key, value, hints[key]) for key, value in given.items()}
     for field in fields(made):
         if field.name in method.settings and _needed(field) and field.name not in values:
             raise ValueError(f"Method {name} needs the setting {field.name!r}. {_allowed(method)}")
-    values |= _worked_on(method, {"plant": plant, "inputs": inputs, "outputs": outputs})
-    return made(**values)
+    return made(**values, **work)
 
 
 def parse_settings(texts: Iterable[str]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.model import Diverged
-from auv_gym.records.record import Record, concat
+from auv_gym.records.record import Record, concat, records_of
 from identification.compare.comparison import OpenLoop, compare_open
 from identification.compare.model_tests import predicts, residual_tests, sweep_horizons
 from identification.estimator import Estimator, Fit
@@ -71,12 +71,11 @@ def identify(
         >>> found.told, round(found.open_loop.scores["model"]["heading_rad"].rmse, 2)
         ('the last third', 0.08)
     """
-    if not records:
-        raise ValueError("identify needs at least one record, got none.")
-    train, held = list(records), list(validate)
-    told = f"{len(validate)} record{'s' * (len(validate) != 1)} to validate on"
-    if not validate:
-        train, held, told = split(records)
+    train = list(records_of("identify", records))
+    held = list(records_of("validate", validate)) if validate else []
+    told = f"{len(held)} record{'s' * (len(held) != 1)} to validate on"
+    if not held:
+        train, held, told = split(train)
     progress(0.1, "fitting")
     fit = estimator.fit(*train)
     progress(0.7, "free runs over held-out data")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from auv_gym.param import did_you_mean
-from auv_gym.records.record import Record
+from auv_gym.records.record import Record, records_of
 from identification.identified import split
 from identification.linear.polynomials.orders import (
     TOLERANCE,
@@ -45,8 +45,7 @@ def search_apart(
     for name, names in given.items():
         if not names:
             raise ValueError(f"An order search needs {name}: give channel names, such as stern_plane_rad.")
-    if not records:
-        raise ValueError("An order search needs at least one record, got none.")
+    records = records_of("An order search", records)
     fixed = sorted({*KEYS, "skip"} & set(settings or {}))
     if fixed:
         raise ValueError(f"An order search sets {', '.join(fixed)} itself: search it over one value instead.")

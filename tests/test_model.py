@@ -3,6 +3,7 @@
 import math
 import re
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -174,3 +175,13 @@ def test_the_record_keeps_what_the_model_does_not_say():
     assert found["depth_m"].tolist() == [3.0, 4.0]
     assert found.attrs["source"] == "test"
     assert math.isfinite(found["heading_rad"][-1])
+
+
+@pytest.mark.parametrize("use", [simulate, predict])
+@pytest.mark.parametrize(
+    "given, words",
+    [(3, "got 3: it has inputs"), ("model.npz", "load_model reads"), (SimpleNamespace(model=Toy()), "fit.model")],
+)
+def test_what_is_no_model_is_refused(use, given, words):
+    with pytest.raises(ValueError, match=f"{use.__name__} needs a model, .*{words}"):
+        use(given, record(RUDDER, MEASURED))

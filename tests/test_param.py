@@ -10,6 +10,9 @@ from hypothesis import given, strategies as st
 
 from auv_gym.param import (
     Spec,
+    check_count,
+    check_names,
+    check_number,
     did_you_mean,
     list_paths,
     pack,
@@ -198,3 +201,39 @@ def test_a_number_without_unit_has_none_in_an_error():
         replace_at(plant, "effects.rudder.gain", "x")
     with pytest.raises(ValueError, match=r"effects.rudder.offset needs a number in rad, got 'x'"):
         replace_at(plant, "effects.rudder.offset", "x")
+
+
+def test_a_unit_of_the_channel_is_said_in_words():
+    with pytest.raises(ValueError, match=r"needs a value from 0 to 100 in the channel's unit, got -1: check"):
+        replace_at(load_vehicle("remus100"), "effects.sampling.depth.noise", -1.0)
+
+
+@pytest.mark.parametrize("value", [0, -1, 2.5, True, "3", None])
+def test_a_setting_that_is_no_whole_number_is_refused(value):
+    with pytest.raises(ValueError, match=f"Pid: lag needs a whole number of at least 1, got {value!r}"):
+        check_count("Pid: lag", value)
+
+
+@pytest.mark.parametrize(
+    "value, bounds, words",
+    [
+        ("3", {}, "needs a number in s, got '3'"),
+        (math.nan, {}, "needs a number in s, got nan"),
+        (0.0, {"above": 0.0}, "needs a number above 0 in s, got 0.0"),
+        (9.0, {"at_least": 1.0, "at_most": 4.0}, "needs a number of at least 1 and of at most 4 in s, got 9.0"),
+    ],
+)
+def test_a_setting_outside_its_bounds_is_refused(value, bounds, words):
+    with pytest.raises(ValueError, match=f"window {words}"):
+        check_number("window", value, "s", **bounds)
+
+
+def test_a_name_has_no_parameters():
+    with pytest.raises(ValueError, match="Parameters belong to a vehicle, got a str: load_vehicle reads one by name"):
+        list_paths("slocum")
+
+
+@pytest.mark.parametrize("given, words", [("depth_m", r"write \['depth_m'\]"), (3, "got 3"), ([3], r"got \[3\]")])
+def test_names_come_in_a_list(given, words):
+    with pytest.raises(ValueError, match=f"targets needs a list of names, .*{words}"):
+        check_names("targets", given)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from enum import StrEnum
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
@@ -58,7 +58,10 @@ def campaign(
 
         settings = read_campaign(file, seed)
         jobs = cpu_count() if jobs is None else jobs
-        failed = False
+        failed, fits, rollouts = False, [], []
+        for part, needed, given in ((Part.fits, "[[fit]]", settings.fit), (Part.gains, "[tune]", settings.tune)):
+            if only is part and not given:
+                raise ValueError(f"--only {part.value} needs {needed} in {file}, which has none: add one.")
         try:
             if only in (None, Part.runs):
                 conducted = conduct(settings, out, jobs=jobs, scheduler=scheduler, progress=_counted(progress))
@@ -90,6 +93,8 @@ def campaign(
     if conducted is not None:
         _tell(conducted, out)
         failed |= bool(conducted.failures or conducted.trouble)
+    _tell_failed("fits", {fit["name"]: fit for fit in fits})
+    _tell_failed("comparisons", {f"{one['kind']} loop of run {one['run']}": one for one in rollouts})
     for words in told:
         output.print(words, markup=False, soft_wrap=True)
     if report is not None:
@@ -144,6 +149,16 @@ def _tell(conducted: Conducted, out: Path) -> None:
         output.print(_failures(conducted))
     if conducted.trouble:
         errors.print(f"The index is not up to date: {conducted.trouble}", markup=False, soft_wrap=True)
+
+
+def _tell_failed(what: str, results: Mapping[str, Mapping[str, Any]]) -> None:
+    """Say which of these results, by name, failed and why."""
+    reasons = {name: result["reason"] for name, result in results.items() if result["status"] != "done"}
+    if reasons:
+        shown = table(f"{len(reasons)} of {len(results)} {what} failed", "name!", "reason")
+        for name, reason in reasons.items():
+            shown.add_row(name, reason)
+        output.print(shown)
 
 
 def _failures(conducted: Conducted) -> Table:

@@ -59,6 +59,7 @@ def export(
         if given and to is not form:
             raise ValueError(f"{option} does not apply to {to.value}: leave it out.")
     from auv_gym.plant import load_vehicle
+    from auv_gym.writing import check_ending
 
     plant = load_vehicle(vehicle)
     if to is Form.minari:
@@ -66,6 +67,8 @@ def export(
         return
     file = Path(out) if out else Path(f"{plant.name}{_ENDINGS[to]}")
     file = file if file.suffix else file.with_name(f"{file.name}{_ENDINGS[to]}")
+    if file.suffix.lower() in _ENDINGS.values():
+        check_ending(file, _ENDINGS[to], f"--out with --to {to.value}")
     check_output("--out", file, {"VEHICLE": vehicle}, _KINDS[to])
     for line in _WRITERS[to](plant, file, continuous):
         output.print(line, soft_wrap=True, markup=False)

@@ -52,6 +52,8 @@ def train(
 
         chosen = None if hyperparameters is None else hyperparameters_for(env, hyperparameters)
         training = Training(env, on, seed, steps, envs, frames, recurrent, options, chosen)
+        for words in training.remarks:
+            errors.print(words, markup=False, soft_wrap=True)
         try:
             trained = learn(training, out, progress, tensorboard=tensorboard)
         except KeyboardInterrupt:

@@ -16,9 +16,10 @@ import numpy as np
 from auv_gym.envs.kernel.layout import DIVERGED, NO_REASON, START_DRAWS, plan_type, row_type, size
 from auv_gym.envs.kernel.programs import Kernel
 from auv_gym.envs.kind import EnvKind
-from auv_gym.envs.options import check_number, check_target_limits, check_targets
+from auv_gym.envs.options import check_limits, check_targets
 from auv_gym.envs.tasks import Task
 from auv_gym.model import Model
+from auv_gym.param import check_number
 from auv_gym.plant import Plant
 from auv_gym.plant.rollout import scratch_for
 
@@ -31,9 +32,9 @@ class Episodes:
 
     kind: of the vehicle.  plant: the vehicle that gives scales and limits.  driver: what is simulated, the plant or a
     model in its place.  actions: the inputs that an action commands, in order; an action goes from -1 at `middles` -
-    `limits` to 1 at their sum.  start_options: channels of an initial state that a reset may give.  target_limits: by
-    channel, the range of targets that may be given.  vector, derived: the driver's parameters before randomisation.
-    plan: see `kernel.layout`.
+    `limits` to 1 at their sum.  start_options: channels of an initial state that a reset may give.  start_limits,
+    target_limits: by channel, the range of initial values and targets that may be given.  vector, derived: the driver's
+    parameters before randomisation.  plan: see `kernel.layout`.
     """
 
     task: Task
@@ -46,6 +47,7 @@ class Episodes:
     limits: np.ndarray
     observations: tuple[str, ...]
     start_options: tuple[str, ...]
+    start_limits: Mapping[str, tuple[float, float]]
     target_limits: Mapping[str, tuple[float, float]]
     randomise: Mapping[str, tuple[float, float]]
     state_names: tuple[str, ...]
@@ -130,9 +132,11 @@ class Episodes:
         }
 
     def set_start(self, record: Any, options: Mapping[str, Any] | None) -> None:
-        """Put the options of a reset into a row's record; raises for unknown options and non-numeric values."""
+        """Put the options of a reset into a row's record; raises for unknown options and invalid values."""
         record["start"], record["first_target"] = nan, nan
         known = "'start' and 'target'" if self.task.channel or self.task.targets else "'start'"
+        if not isinstance(options, Mapping | None):
+            raise ValueError(f"reset needs its options by name, {known}, got {options!r}.")
         for name, value in (options or {}).items():
             if name == "start" and isinstance(value, Mapping):
                 for channel, number in value.items():
@@ -140,14 +144,16 @@ class Episodes:
                         has = ", ".join(self.start_options)
                         raise ValueError(f"reset option 'start' has {has}, got {channel!r}.")
                     check_number(f"reset option start[{channel!r}]", number, "the channel's unit")
+                check_limits("reset option start", value, self.start_limits)
+                for channel, number in value.items():
                     record["start"][self.plant.family.states.index(channel)] = number
             elif name == "target" and self.task.targets:
                 targets = check_targets("reset option 'target'", value, self.task)
-                check_target_limits("reset option 'target'", value, self.target_limits)
+                check_limits("reset option target", value, self.target_limits)
                 record["first_target"] = list(targets.values())
             elif name == "target" and self.task.channel:
-                check_number("reset option 'target'", value, "the channel's unit", at_least=self.task.least)
-                check_target_limits("reset option 'target'", {self.task.channel: value}, self.target_limits)
+                check_number("reset option 'target'", value, "the channel's unit")
+                check_limits("reset option target", {self.task.channel: value}, self.target_limits)
                 record["first_target"] = value
             else:
                 raise ValueError(

@@ -26,8 +26,8 @@ class ScaledTask:
     that it must have.  shortest: s, between two changes of the target.  least_dt: s, the shortest step.
     plan: fields of the plan.  tables: numbers, by the field with their position in the plan, with a field for the
     number of rows.  observed: observations in addition to the task's.  own_ages: whether each row stores the ages of
-    its commands, because steps differ in length.  target_limits: by channel, lowest and highest target that may be
-    given; equal if the vehicle cannot control the channel.
+    its commands, because steps differ in length.  start_limits, target_limits: by channel, lowest and highest initial
+    value and target that may be given; equal if the vehicle cannot control the channel.
     """
 
     units: Mapping[str, float]
@@ -48,6 +48,7 @@ class ScaledTask:
     read_for: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     observed: tuple[Observed, ...] = ()
     own_ages: bool = False
+    start_limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     target_limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 

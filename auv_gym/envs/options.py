@@ -5,16 +5,16 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import inf, isfinite, nan
+from math import inf, nan
 from typing import Any
 
 import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.envs.tasks import Task
-from auv_gym.model import Model, model_constant_inputs
+from auv_gym.model import Model, check_model, model_constant_inputs
 from auv_gym.models.files import load_model
-from auv_gym.param import did_you_mean
+from auv_gym.param import check_number, did_you_mean
 from auv_gym.plant import Plant, load_vehicle
 
 
@@ -27,15 +27,10 @@ def resolve_plant(vehicle: str | os.PathLike | Plant, dt: float | None) -> Plant
 
 def model_of(model: Model | str | os.PathLike, plant: Plant) -> Model:
     """A model, possibly from a model or vehicle file, at the plant's sample time if that can be chosen."""
-    return load_model(model, dt=plant.dt) if isinstance(model, str | os.PathLike) else model
-
-
-def check_number(name: str, value: Any, unit: str, *, above: float = -inf, at_least: float = -inf) -> None:
-    """Raise if an option's value is not a finite number within its bound."""
-    number = isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool)
-    if not number or not isfinite(value) or not value > above or not value >= at_least:
-        bound = f" above {above:g}" if above > -inf else f" of at least {at_least:g}" if at_least > -inf else ""
-        raise ValueError(f"{name} needs a number{bound} in {unit}, got {value!r}.")
+    if isinstance(model, str | os.PathLike):
+        return load_model(model, dt=plant.dt)
+    check_model("model=", model)
+    return model
 
 
 def check_model_inputs(model: Model, plant: Plant) -> None:
@@ -71,8 +66,8 @@ def check_targets(name: str, given: Any, task: Task) -> dict[str, float]:
     return {target: float(given.get(target, nan)) for target in task.targets}
 
 
-def check_target_limits(name: str, given: Mapping[str, float], limits: Mapping[str, tuple[float, float]]) -> None:
-    """Raise for targets, by channel, beyond the limits of the vehicle or the environment."""
+def check_limits(name: str, given: Mapping[str, float], limits: Mapping[str, tuple[float, float]]) -> None:
+    """Raise for targets or initial values, by channel, beyond the limits of the vehicle or the environment."""
     for target, value in given.items():
         low, high = limits.get(target, (-inf, inf))
         if not low <= value <= high:
@@ -103,13 +98,27 @@ def check_actions(actions: Sequence[str], plant: Plant, axes: Sequence[str] = ()
     return list(actions)
 
 
-def check_waypoints(waypoints: Sequence[Sequence[float]] | None) -> np.ndarray:
+def check_by_path(name: str, given: Any) -> None:
+    """Raise if an option has no values by parameter path."""
+    if given is not None and not isinstance(given, Mapping):
+        raise ValueError(f"{name} needs values by parameter path, got {given!r}: list_paths shows those of a vehicle.")
+
+
+def check_waypoints(waypoints: Sequence[Sequence[float]] | None, deepest: float) -> np.ndarray:
     """Waypoints as rows of north, east and depth in m, (k, 3), empty if they are drawn; raises for invalid ones."""
     if waypoints is None:
         return np.zeros((0, 3))
-    points = np.asarray(waypoints, dtype=np.float64)
+    try:
+        points = np.asarray(waypoints, dtype=np.float64)
+    except (TypeError, ValueError):
+        points = np.empty((0, 3))
     if points.ndim != 2 or points.shape[1] != 3 or not len(points) or not np.isfinite(points).all():
-        raise ValueError(f"waypoints needs one or more rows of north, east and depth in m, got shape {points.shape}.")
-    if (points[:, 2] < 0.0).any() or not np.abs(np.diff(points, axis=0)).sum(axis=1).all():
-        raise ValueError("waypoints needs depths of 0 m or more, and no waypoint twice in a row.")
+        raise ValueError(
+            f"waypoints needs one or more rows of north, east and depth, finite numbers in m, got {waypoints!r}."
+        )
+    if not ((points[:, 2] >= 0.0) & (points[:, 2] <= deepest)).all():
+        needed = f"from 0 to {deepest:.3g} m" if deepest > 0.0 else "of 0 m, as they are at the surface"
+        raise ValueError(f"waypoints needs depths {needed}, got {', '.join(f'{depth:g}' for depth in points[:, 2])}.")
+    if not np.abs(np.diff(points, axis=0)).sum(axis=1).all():
+        raise ValueError(f"waypoints needs no waypoint twice in a row, got {waypoints!r}.")
     return points

@@ -14,17 +14,17 @@ from auv_gym.envs.kernel.programs import bind_kernel
 from auv_gym.envs.kind import EnvKind, ScaledTask
 from auv_gym.envs.kinds import KINDS
 from auv_gym.envs.options import (
+    check_by_path,
+    check_limits,
     check_model_dt,
     check_model_inputs,
-    check_number,
-    check_target_limits,
     model_of,
     resolve_plant,
 )
 from auv_gym.envs.plan_numbers import PlanNumbers, source_of
 from auv_gym.envs.tasks import Observed, Task
 from auv_gym.model import Model
-from auv_gym.param import check_value, did_you_mean, in_unit, replace_at, spec_at
+from auv_gym.param import check_number, check_value, did_you_mean, in_unit, replace_at, spec_at
 from auv_gym.plant import Plant, load_vehicle
 
 _OPTIONS = ("vehicle", "effects", "randomise", "model", "dt", "duration", "target", "render_mode")
@@ -49,6 +49,7 @@ def make_episodes(
     task, kind, plant = _vehicle_for(task, vehicle, dt)
     scaled = _scaled(task, kind, plant, duration, target, own)
     for given, where in ((effects, "effects="), (randomise, "randomise=")):
+        check_by_path(where, given)
         for path in scaled.effects.keys() & (given or {}).keys():
             raise ValueError(
                 f"{task.name} needs one value of {path}, got one by {where} and one by an option of its "
@@ -71,6 +72,7 @@ def make_episodes(
         limits=scaled.limits,
         observations=tuple(o.name for o in observed),
         start_options=scaled.start,
+        start_limits=scaled.start_limits,
         target_limits=scaled.target_limits,
         randomise=ranges,
         state_names=numbers.state_names,
@@ -105,16 +107,17 @@ def _scaled(
     own = {name: value for name, value in own.items() if value is not None}
     for name in own:
         if name not in kind.options:
+            known = (*_OPTIONS, *kind.options)
             raise ValueError(
-                f"{task.name} takes the options of all environments and {' and '.join(kind.options)}, got {name!r}. "
-                f"{did_you_mean(name, (*_OPTIONS, *kind.options))}Leave it out."
+                f"{task.name} has no option {name!r} for {plant.name}. {did_you_mean(name, known)}It has "
+                f"{', '.join(known)}."
             )
     if target is not None and task.channel:
-        check_number("target", target, "the channel's unit", at_least=task.least)
+        check_number("target", target, "the channel's unit")
     scaled = kind.scale(task, plant, duration=duration, target=target, **own)
     if target is not None:
         given = target if isinstance(target, Mapping) else {task.channel: target}
-        check_target_limits("target", given, scaled.target_limits)
+        check_limits("target", given, scaled.target_limits)
     return scaled
 
 

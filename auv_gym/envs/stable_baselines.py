@@ -111,6 +111,8 @@ class SingleEnvs(VecEnv):
 
     def __init__(self, envs: Sequence[gymnasium.Env]):
         self.envs = list(envs)
+        if not self.envs:
+            raise ValueError("SingleEnvs needs at least one environment, got none.")
         super().__init__(len(self.envs), self.envs[0].observation_space, self.envs[0].action_space)
         self._actions: np.ndarray | None = None
 

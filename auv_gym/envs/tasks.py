@@ -12,7 +12,7 @@ bottom and back up.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import inf, pi, radians
+from math import pi, radians
 from typing import Any, Literal
 
 Unit = Literal["", "length", "speed", "rate", "turn", "deepest"]
@@ -45,7 +45,7 @@ class Task:
     its duration in lengths travelled, and its range.  scale: error with the largest cost.  weights: of the reward
     terms, by name, in the order of `layout.TERMS`.  duration: default of an episode, s, for a float in lengths
     travelled.  current: largest drawn one, in cruise speeds, if nothing else is randomised.  vehicle: the default; the
-    task is for vehicles of its kind.  least: of a given target.  targets: the channels of a target with several.
+    task is for vehicles of its kind.  targets: the channels of a target with several.
     forms: the task for other kinds of vehicle.
     """
 
@@ -62,7 +62,6 @@ class Task:
     duration: float = 60.0
     current: float = 0.0
     vehicle: str = "remus100"
-    least: float = -inf
     targets: tuple[str, ...] = ()
     forms: tuple[Task, ...] = ()
 
@@ -109,12 +108,32 @@ def legs_and_limits(length: float, speed: float, rate: float, along: float) -> d
     }
 
 
-def target_limits(length: float) -> dict[str, tuple[float, float]]:
-    """The range of targets, by channel, within the envelope of a vehicle of a length, m; SI."""
+HEADINGS = (-2.0 * pi, 2.0 * pi)  # rad, of given targets: either way round, and no degrees
+
+
+def target_limits(length: float, speed: float) -> dict[str, tuple[float, float]]:
+    """The range of targets, by channel, within the envelope of a vehicle of a length, m, and a speed, m/s; SI."""
     return {
         "depth_m": (0.0, DEPTH_LIMIT * length),
+        "heading_rad": HEADINGS,
         "pitch_rad": (-PITCH_LIMIT, PITCH_LIMIT),
         "roll_rad": (-ROLL_LIMIT, ROLL_LIMIT),
+        "u_mps": (0.0, SPEED_LIMIT * speed),
+    }
+
+
+def start_limits(depth: float, speed: float, rate: float) -> dict[str, tuple[float, float]]:
+    """The range of initial values, by channel, within the envelope of a vehicle in six degrees of freedom; SI.
+
+    depth: m, the largest.  speed, m/s, and rate, rad/s, are the vehicle's scales.
+    """
+    fastest, quickest = SPEED_LIMIT * speed, RATE_LIMIT * rate
+    return {
+        "depth_m": (0.0, depth),
+        "pitch_rad": (-PITCH_LIMIT, PITCH_LIMIT),
+        "roll_rad": (-ROLL_LIMIT, ROLL_LIMIT),
+        **dict.fromkeys(("u_mps", "v_mps", "w_mps"), (-fastest, fastest)),
+        **dict.fromkeys(("p_radps", "q_radps", "r_radps"), (-quickest, quickest)),
     }
 
 
@@ -301,6 +320,7 @@ PATH = Task(
 # Floats
 DIVE_DEPTHS = (0.5, 7.5)  # lengths; range of starts and targets
 DIVE_LIMIT = 2.0  # times the deepest
+SEA = 11_000.0  # m, the deepest target: the Challenger Deep has 10935 m (Greenaway et al. 2021, Deep-Sea Research I)
 DIVE_TRIM = 0.1  # of the engine's half range: largest drawn error of the trim
 
 FLOAT_DEPTH = Task(
@@ -321,7 +341,6 @@ FLOAT_DEPTH = Task(
     ),
     weights={"depth": 1.0, "command_travel": COMMAND_TRAVEL},
     duration=15.0,
-    least=0.0,
 )
 
 # Gliders

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,7 @@ class BodyView:
         track = np.array(self._track)
         told = dict(zip(self._episodes.plant.inputs, self._record["command"].tolist(), strict=True))
         velocity = self._states("u_mps", "v_mps", "w_mps")
+        target = self._goal(self._episodes, self._record, np.array(self._waypoints))
         return Scene(
             trail=track[:, 1:],
             time=track[:, 0],
@@ -53,7 +55,7 @@ class BodyView:
                 for name, (middle, limit) in self._limits.items()
                 if limit
             },
-            target=self._goal(self._episodes, self._record, np.array(self._waypoints)),
+            target=replace(target, start=track[0, 1:]) if self._waypoints else target,
             current=current_of(self._episodes, self._row),
             title=f"{self._episodes.task.name}   {self._episodes.plant.title or self._episodes.plant.name}",
             caption=f"{track[-1, 0]:.1f} s",

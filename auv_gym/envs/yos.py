@@ -52,6 +52,8 @@ class YoView:
                 waypoints=np.array(self._waypoints),
                 active=int(record["reached"]),
                 radius=float(episodes.settings["radius"]),
+                start=track[0, 1:],
+                level=True,
             ),
             current=current,
             title=f"{episodes.task.name}   {episodes.plant.title or episodes.plant.name}",

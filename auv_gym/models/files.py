@@ -17,11 +17,11 @@ import numpy as np
 
 from auv_gym import __version__
 from auv_gym.channels import channel
-from auv_gym.model import Model
+from auv_gym.model import Model, check_model
 from auv_gym.param import did_you_mean
 from auv_gym.plant import Plant, load_vehicle, save_vehicle, vehicle_of_text, vehicle_text
 from auv_gym.vehicles.body.learned_hull import LearnedHull
-from auv_gym.writing import replacing
+from auv_gym.writing import check_ending, replacing
 
 FORMAT, VERSION = "auv-gym model", 1
 GROUP = "auv_gym.models"
@@ -44,12 +44,9 @@ def save_model(model: Model, path: str | os.PathLike, attrs: Mapping[str, Any] |
         >>> load_model("turning.npz").poles()
         array([0.9])
     """
-    suffix = Path(path).suffix.lower()
+    check_model("save_model", model)
     wanted = ".toml" if isinstance(model, Plant) and model.learned is None else ".npz"
-    if suffix != wanted:
-        raise ValueError(
-            f"A {type(model).__name__} is written to a file that ends in {wanted}, got {Path(path).name!r}: rename it."
-        )
+    check_ending(path, wanted, f"The file of a {type(model).__name__}")
     if isinstance(model, Plant) and wanted == ".toml":
         save_vehicle(model, path)
         return

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from auv_gym.compiled import threads
-from auv_gym.model import check_finite, inputs_of
-from auv_gym.param import list_paths, pack, replace_at, spec_at, value_at
+from auv_gym.model import check_finite, in_short, inputs_of
+from auv_gym.param import check_number, list_paths, pack, replace_at, spec_at, value_at
 from auv_gym.plant.charts import Chart
 from auv_gym.plant.rollout import Programs, bind_family, scratch_for
 from auv_gym.records.record import Record
@@ -68,8 +68,7 @@ class Plant:
                 f"{self.family.name!r}."
             )
         for label, value in (("dt", self.dt), ("longest_step", self.longest_step), ("window", self.window)):
-            if not value > 0.0 or not np.isfinite(value):
-                raise ValueError(f"A plant needs {label} > 0 s, got {value!r}: give a time such as 1.0.")
+            check_number(f"A plant's {label}", value, "s", above=0.0)
         if not 0.0 < self.settle < 0.5 * self.window:
             raise ValueError(
                 f"A plant needs settle > 0 s and under half of its window of {self.window:g} s, got {self.settle!r}."
@@ -462,6 +461,13 @@ def check_deviation(parameters: Any, path: str, deviation: Any) -> None:
             f"{path} needs a deviation of at least 0 {unit} (one standard deviation; 0 holds the value), got "
             f"{deviation!r}."
         )
+
+
+def check_vehicle(name: str, given: Any) -> None:
+    """Raise an error that names the caller, `name`, if this is neither a vehicle nor acts as one."""
+    if not hasattr(given, "dt"):  # a simulator of another make may stand in
+        hint = f"load_vehicle({given!r})" if isinstance(given, str) else "what load_vehicle returns"
+        raise ValueError(f"{name} needs a vehicle, got {in_short(given)}: give {hint}.")
 
 
 def without_effects(plant: Plant) -> Plant:

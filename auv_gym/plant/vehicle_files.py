@@ -20,7 +20,7 @@ from auv_gym.presets import find_vehicle, list_preset_headings
 from auv_gym.vehicles import FAMILIES, FAMILY_NAMES
 from auv_gym.vehicles.body.files import parse_part_tables, parts_text
 from auv_gym.vehicles.former import convert_former_vehicle
-from auv_gym.writing import write_text
+from auv_gym.writing import check_ending, write_text
 
 _FILE_KEYS = (
     "family", "name", "title", "description", "fitted_to", "dt_s", "longest_step_s", "window_s", "settle_s",
@@ -70,6 +70,7 @@ def save_vehicle(plant: Plant, path: str | os.PathLike, notes: Mapping[str, str]
     """
     if plant.learned is not None:
         raise ValueError(f"A vehicle file has no room for the learned hull of {plant.name}: use save_model, to .npz.")
+    check_ending(path, ".toml", "A vehicle file")
     write_text(path, vehicle_text(plant, notes))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -29,7 +29,7 @@ from auv_gym.records.dataset import (
 from auv_gym.records.log import FIXES
 from auv_gym.records.mending import MAX_FILL, check_runs, missing_samples, on_dropped, repaired
 from auv_gym.records.time_axis import SAME, at_times, check_time, gap_limit, nearest, numbered, slices
-from auv_gym.writing import replacing
+from auv_gym.writing import check_ending, replacing
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -207,10 +207,22 @@ class Record:
 
     def has(self, name: str) -> bool:
         """Whether the record has a channel."""
-        return is_channel(name) and name in self.dataset.data_vars
+        return isinstance(name, str) and is_channel(name) and name in self.dataset.data_vars
+
+    def __contains__(self, name: str) -> bool:
+        return self.has(name)
+
+    def __iter__(self) -> Iterator[str]:
+        """The channels, as in a mapping; `len` is the number of samples."""
+        return iter(self.names)
 
     def __getitem__(self, name: str) -> np.ndarray:
         """A copy of a channel's values, shape (n,), float64; raises if the channel is missing."""
+        if not isinstance(name, str):
+            raise ValueError(
+                f"A record is read by channel, such as record['depth_m'], got record[{name!r}]: choose samples with "
+                "record.select or record.between."
+            )
         if name == "time_s":
             return self.time
         if not self.has(name):
@@ -388,7 +400,8 @@ class Record:
         return found
 
     def save(self, path: str | Path) -> None:
-        """Write NetCDF, aside and then renamed; raises if the folder cannot be written."""
+        """Write NetCDF to a file that ends in .nc, aside and then renamed; raises if the folder cannot be written."""
+        check_ending(path, ".nc", "The file of a record")
         with replacing(path) as new:
             self.dataset.to_netcdf(new, engine="h5netcdf")
 
@@ -419,6 +432,20 @@ class Record:
         return np.concatenate([np.diff(time[part]) for part in self.segments])
 
 
+def records_of(name: str, given: Any) -> tuple[Record, ...]:
+    """One record or several, as a tuple; raises an error that names the caller, `name`, for none or for other data."""
+    alone = isinstance(given, Record | str) or not isinstance(given, Iterable)
+    records = (given,) if alone else tuple(given)
+    if not records:
+        raise ValueError(f"{name} needs at least one record, got none.")
+    for one in records:
+        if not isinstance(one, Record):
+            listed = isinstance(one, list | tuple)
+            hint = "give its items one by one, as in fit(*records)" if listed else "read_record reads a log"
+            raise ValueError(f"{name} needs records, got a {type(one).__name__}: {hint}.")
+    return records
+
+
 def concat(records: Sequence[Record]) -> Record:
     """Concatenate records with the same channels into one record; each segment keeps its own time.
 
@@ -429,8 +456,7 @@ def concat(records: Sequence[Record]) -> Record:
         >>> concat([dive, dive])
         Record(6 samples, 2 segments, 4 s: depth_m)
     """
-    if not records:
-        raise ValueError("concat needs at least one record, got none.")
+    records = records_of("concat", records)
     names = set(records[0].names)
     for number, record in enumerate(records):
         if set(record.names) != names:

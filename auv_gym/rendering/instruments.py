@@ -154,7 +154,10 @@ def _command(sheet: Sheet, row: Box, name: str, value: float, limits: tuple[floa
         half = min(5.0, 0.5 * row.height - 4.0)
         bar = Box(row.left + label, y - half, row.right - room, y + half)
     else:
-        x = row.right - sheet.text((row.right, y), f"of {scope}{unit}", QUIET, 12.0, "right") - 6.0
+        x, scope = row.right, f"of {scope}{unit}"
+        needed = sheet.text_width(signal.label, 12.0) + sheet.text_width(text + unit, 12.0, bold=True) + 8.0
+        if needed + sheet.text_width(scope, 12.0) + 6.0 <= row.width:  # otherwise the bar alone shows the ends
+            x -= sheet.text((x, y), scope, QUIET, 12.0, "right") + 6.0
         x -= sheet.text((x, y), text + unit, INK, 12.0, "right", bold=True) + 8.0
         sheet.text((row.left, y), sheet.fitting(signal.label, 12.0, x - row.left), QUIET, 12.0)
         bar = Box(row.left, row.top + 21.0, row.right, min(row.top + 31.0, row.bottom - 3.0))

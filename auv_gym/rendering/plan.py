@@ -74,7 +74,8 @@ def draw_plan(sheet: Sheet, scene: Scene, area: Box) -> None:
     marks = []  # points that the current's arrow may not cover
     with sheet.inside(box):
         if target.waypoints is not None and len(target.waypoints):
-            marks.append(_route(sheet, target, view.place(target.waypoints), view.metres))
+            begin = np.empty((0, 3)) if target.start is None else np.reshape(target.start, (1, 3))
+            marks.append(_route(sheet, target, view.place(target.waypoints), view.place(begin), view.metres))
         if scene.model_trail is not None and len(scene.model_trail):
             other = view.place(scene.model_trail[kept(len(scene.model_trail))])
             sheet.line(other, MODEL, 2.0, DASHED)
@@ -194,10 +195,13 @@ def _ray(sheet: Sheet, vehicle: np.ndarray, heading: float) -> np.ndarray:
     return tip[None]
 
 
-def _route(sheet: Sheet, target: Target, places: np.ndarray, metres: float) -> np.ndarray:
-    """Draw the waypoints at their pixels, shape (k, 2), and the legs between them; return the pixels."""
+def _route(sheet: Sheet, target: Target, places: np.ndarray, begin: np.ndarray, metres: float) -> np.ndarray:
+    """Draw the waypoints at their pixels, shape (k, 2), and the legs to them; return the pixels.
+
+    begin: pixels of the route's start, shape (0 or 1, 2).
+    """
     pale = mixed(TARGET, PANEL, 0.5)
-    sheet.line(places, pale, 1.6, DOTTED)
+    sheet.line(np.vstack([begin, places]), pale, 1.6, DOTTED)
     ring = 9.0 if target.radius is None else max(target.radius / metres, 9.0)
     for index, (x, y) in enumerate(places):
         if index == target.active:

@@ -15,6 +15,7 @@ from auv_gym.rendering.sheet import GRID, INK, QUIET, Box, Sheet
 
 SIZE = (960, 600)  # width and height in pixels for which the layout is designed
 _LEAST = (320, 200)
+_SMALLEST = 12.0  # letters of a long title, pixels
 _EDGE, _SIDE, _HEAD, _STRIP = 18.0, 330.0, 46.0, 172.0  # outer margin, right column, head line, depth strip
 
 
@@ -79,7 +80,9 @@ def film_strip(frames: Sequence[np.ndarray], columns: int) -> np.ndarray:
 
 def _headline(sheet: Sheet, scene: Scene | Dive, area: Box) -> None:
     y = 0.5 * area.height + 2.0
-    title = sheet.fitting(scene.title, 17.0, 0.6 * area.width)
-    used = sheet.text((area.left, y), title, INK, 17.0, bold=True)
-    sheet.text((area.right, y), sheet.fitting(scene.caption, 13.0, area.width - used - 24.0), QUIET, 13.0, "right")
+    caption = sheet.fitting(scene.caption, 13.0, 0.4 * area.width)
+    room = area.width - sheet.text((area.right, y), caption, QUIET, 13.0, "right") - 24.0
+    size = 17.0 * min(room / max(sheet.text_width(scene.title, 17.0, bold=True), 1.0), 1.0)
+    size = max(size, _SMALLEST)
+    sheet.text((area.left, y), sheet.fitting(scene.title, size, room, bold=True), INK, size, bold=True)
     sheet.line([(area.left, area.bottom - 2.0), (area.right, area.bottom - 2.0)], GRID)

@@ -18,6 +18,7 @@ class Target:
 
     heading: rad.  depth: m.  speed: m/s.  waypoints: north, east, depth, m, shape (k, 3).
     active: index of the next waypoint, k when all are reached.  radius: m, at which one counts as reached.
+    start: north, east, depth, m, where a route begins.  level: waypoints are positions without a depth.
     """
 
     heading: float | None = None
@@ -26,12 +27,16 @@ class Target:
     waypoints: np.ndarray | None = None
     active: int = 0
     radius: float | None = None
+    start: np.ndarray | None = None
+    level: bool = False
 
     def __post_init__(self):
         for name in ("heading", "depth", "speed", "radius"):
             value = getattr(self, name)
             if value is not None and not np.isfinite(value):
                 raise ValueError(f"A target's {name} needs a finite number or None, got {value!r}.")
+        if self.start is not None:
+            _check_finite("start", self.start, 3)
         if self.waypoints is None:
             return
         waypoints = _points("A target's waypoints need", self.waypoints)
@@ -51,7 +56,7 @@ class Target:
     @property
     def next_depth(self) -> float | None:
         """The target depth, m: that of the target, or else of the active waypoint."""
-        if self.depth is not None or self.next_waypoint is None:
+        if self.depth is not None or self.next_waypoint is None or self.level:
             return self.depth
         return float(self.next_waypoint[2])
 

@@ -180,11 +180,15 @@ class Sheet:
         """The width of a text when written."""
         return self._letters(text, size, bold).width if text else 0.0
 
-    def fitting(self, text: str, size: float, room: float) -> str:
+    def fitting(self, text: str, size: float, room: float, *, bold: bool = False) -> str:
         """The text, cut with an ellipsis if it does not fit into the room."""
-        if self.text_width(text, size) <= room:
+
+        def width(text: str) -> float:
+            return self.text_width(text, size, bold=bold)
+
+        if width(text) <= room:
             return text
-        cut = bisect_right(range(len(text)), room, key=lambda kept: self.text_width(text[:kept] + "…", size)) - 1
+        cut = bisect_right(range(len(text)), room, key=lambda kept: width(text[:kept] + "…")) - 1
         return text[:cut].rstrip() + "…" if cut > 0 else ""
 
     def _written(self, text: str, size: float, bold: bool) -> Letters:

@@ -26,7 +26,16 @@ class Agent(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Results of whole episodes: undiscounted sums of rewards, steps, and the reasons of early ends."""
+    """Results of whole episodes: undiscounted sums of rewards, steps, and the reasons of early ends.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym.rl import Evaluation
+        >>> found = Evaluation((7, 8, 9), np.array([-9.0, -12.0, -30.0]), np.array([20, 20, 5]), ("", "", "too deep"))
+        >>> found.cut, found.summary.mean
+        (1, -17.0)
+    """
 
     seeds: tuple[int, ...]
     returns: np.ndarray
@@ -46,7 +55,15 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Summary:
-    """Mean and mean of the middle half, each with its 95 % interval by the bootstrap over episodes."""
+    """Mean and mean of the middle half, each with its 95 % interval by the bootstrap over episodes.
+
+    Example:
+
+        >>> from auv_gym.rl import Summary
+        >>> found = Summary.of([-9.0, -10.0, -11.0, -12.0, -13.0, -14.0, -15.0, -60.0])
+        >>> found.mean, found.iqm
+        (-18.0, -12.5)
+    """
 
     mean: float
     mean_interval: tuple[float, float]
@@ -78,7 +95,14 @@ class Summary:
 
 
 def fresh_seeds(seed: int, count: int, purpose: int = FRESH) -> list[int]:
-    """Seeds of episodes, reproducible from `seed` and different for each purpose: training, selection, evaluation."""
+    """Seeds of episodes, reproducible from `seed` and different for each purpose: training, selection, evaluation.
+
+    Example:
+
+        >>> from auv_gym.rl import fresh_seeds
+        >>> fresh_seeds(0, 2)
+        [3141116543, 4003597245]
+    """
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise ValueError(f"A seed needs a whole number from 0 on, got {seed!r}.")
     if isinstance(count, bool) or not isinstance(count, int) or count < 1:
@@ -89,7 +113,18 @@ def fresh_seeds(seed: int, count: int, purpose: int = FRESH) -> list[int]:
 def evaluate(
     agent: Agent, env: gymnasium.Env, seeds: Sequence[int], progress: Callable[[float], Any] | None = None
 ) -> Evaluation:
-    """Run one whole episode for each seed, driven by the agent; progress: called with the completed share."""
+    """Run one whole episode for each seed, driven by the agent; progress: called with the completed share.
+
+    Example:
+
+        >>> import gymnasium
+        >>> from auv_gym.rl import evaluate, fresh_seeds
+        >>> from controllers import pilot_for
+        >>> env = gymnasium.make("auv_gym/GliderHeading-v0", duration=80.0)
+        >>> found = evaluate(pilot_for(env, "pid"), env, fresh_seeds(0, 3))
+        >>> found.steps.tolist(), found.cut, round(found.summary.mean, 1)
+        ([20, 20, 20], 0, -2.2)
+    """
     sums, lengths, reasons = [], [], []
     for done, seed in enumerate(seeds):
         observation, info = env.reset(seed=int(seed))
@@ -108,7 +143,17 @@ def evaluate(
 
 
 def returns(agent: Agent, env: gymnasium.Env, seeds: Sequence[int]) -> np.ndarray:
-    """The undiscounted sum of rewards of one whole episode for each seed."""
+    """The undiscounted sum of rewards of one whole episode for each seed.
+
+    Example:
+
+        >>> import gymnasium
+        >>> from auv_gym.rl import returns
+        >>> from controllers import pilot_for
+        >>> env = gymnasium.make("auv_gym/GliderHeading-v0", duration=80.0)
+        >>> returns(pilot_for(env, "pid"), env, [1, 2]).round(1)
+        array([-3.4, -0.8])
+    """
     return evaluate(agent, env, seeds).returns
 
 

@@ -87,6 +87,13 @@ class Hyperparameters(_Table):
     sees at once.
     action_scale: the unit of the agent's actions, one for all or one each, best about as large as usual actions: noise
     and learning rates are in these units.  policy: with MlpLstmPolicy the agent is RecurrentPPO of sb3-contrib.
+
+    Example:
+
+        >>> from auv_gym.rl import Hyperparameters
+        >>> chosen = Hyperparameters(n_timesteps=50_000, gamma=0.98, policy="MlpLstmPolicy")
+        >>> chosen.agent_settings, chosen.recurrent
+        ({'gamma': 0.98}, True)
     """
 
     n_timesteps: Count
@@ -144,6 +151,13 @@ def hyperparameters_for(env: str, file: str | os.PathLike | None = None) -> Hype
     """The hyperparameters of an environment, from a file of the same form or from the shipped ones.
 
     env: `auv_gym/Depth-v0` or `Depth-v0`.  Raises on an unknown key or value by its name, and if there are none.
+
+    Example:
+
+        >>> from auv_gym.rl import hyperparameters_for
+        >>> chosen = hyperparameters_for("Heading-v0")
+        >>> chosen.n_envs, chosen.gamma, chosen.learning_rate
+        (32, 0.98, 'lin_1e-3')
     """
     tables = _read(file)
     name = env.rpartition("/")[2]

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from auv_gym.extra import needs
 from auv_gym.rl.evaluation import Agent
 from auv_gym.writing import replacing
 
@@ -25,7 +26,6 @@ def draw_episode(
     env: made with render_mode "rgb_array".
     """
     check_picture_name(path)
-    import matplotlib  # noqa: F401  # its extra brings Pillow too
     from PIL import Image
 
     from auv_gym.rendering import film_strip
@@ -58,7 +58,9 @@ def draw_episode(
 
 
 def check_picture_name(path: Path) -> None:
-    """Raise unless pictures can be written to a file of this name."""
+    """Raise unless pictures can be drawn, and written to a file of this name."""
+    with needs("Pictures of an episode need matplotlib", "render"):
+        import matplotlib  # noqa: F401  # it brings Pillow, too
     if path.suffix.lower() not in SUFFIXES:
         raise ValueError(f"A picture needs a name that ends in {' or '.join(SUFFIXES)}, got {path.name!r}.")
     if not path.parent.is_dir():

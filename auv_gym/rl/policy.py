@@ -53,6 +53,14 @@ class Policy:
     cell: of an LSTM before them, weights (4 h, inputs) and (4 h, h) and biases (4 h,), in PyTorch's order; () for none.
     frames: number of latest observations that the network sees at once, oldest first; 0 before an episode's start.
     scaling: of observations, or None.  settings: content of the training's `settings.json`.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym.rl import Policy
+        >>> policy = Policy((np.array([[-2.0, 0.5]]),), (np.zeros(1),))
+        >>> policy.act(np.array([0.2, 0.4])).round(3)
+        array([-0.2])
     """
 
     weights: tuple[np.ndarray, ...]

@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from hashlib import sha256
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from auv_gym.rl.hyperparameters import Hyperparameters, checked, hyperparameters
 FORMAT, VERSION = "auv-gym policy", 1
 SETTINGS = "settings.json"
 TRUE = "true"
+_NOTABLY_MORE = 1.1  # times the steps asked for
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,13 @@ class Training:
     recurrent: whether the policy has a recurrent layer; such a policy cannot start from a controller.
     options: of the environment, such as {"vehicle": "npsauv", "effects": {...}, "randomise": {...}}.
     hyperparameters: replace the shipped ones.  evaluations: number during the training, each over `episodes`.
+
+    Example:
+
+        >>> from auv_gym.rl import Training
+        >>> training = Training("Depth", steps=20_000, options={"vehicle": "npsauv"})
+        >>> training.env, training.chosen.n_timesteps, training.learning_options["vehicle"]
+        ('auv_gym/Depth-v0', 20000, 'npsauv')
     """
 
     env: str
@@ -76,6 +85,29 @@ class Training:
         """The hyperparameters with `steps`, `envs`, `frames` and `recurrent` applied."""
         assert isinstance(self.hyperparameters, Hyperparameters)
         return self.hyperparameters
+
+    @property
+    def whole_steps(self) -> int:
+        """The training steps in whole rollouts of all environments, in which PPO learns."""
+        rollout = self.chosen.n_envs * self.chosen.n_steps
+        return ceil(self.chosen.n_timesteps / rollout) * rollout
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What few training steps lead to, in sentences; empty if there are enough."""
+        found, chosen, steps = [], self.chosen, self.whole_steps
+        if steps > _NOTABLY_MORE * chosen.n_timesteps:
+            found.append(
+                f"PPO learns in whole rollouts of {chosen.n_envs} environments and {chosen.n_steps} steps each: "
+                f"training takes {steps} steps instead of {chosen.n_timesteps}. Fewer take a smaller n_envs or n_steps."
+            )
+        if chosen.imitate is not None and steps <= chosen.imitate.value_steps:
+            found.append(
+                f"The policy will be the imitated controller ({chosen.imitate.controller}) unchanged: in the first "
+                f"{chosen.imitate.value_steps} steps only values are learned, and training takes {steps}. Give more "
+                "steps, or hyperparameters with smaller value_steps."
+            )
+        return tuple(found)
 
     @property
     def learning_options(self) -> dict[str, Any]:

@@ -48,6 +48,15 @@ def train(
     progress: called with the completed share and a text.  tensorboard: also write its logs, to `out/tensorboard`.
     Raises ValueError if the folder holds another training.  A resumed training sees other episodes than an
     uninterrupted one; its result is as good, but not identical bit for bit.
+
+    Example:
+
+        >>> from auv_gym.rl import Hyperparameters, Training, train
+        >>> short = Hyperparameters(n_timesteps=32, n_envs=2, n_steps=16, batch_size=32)
+        >>> training = Training("GliderHeading", options={"duration": 40.0}, hyperparameters=short, evaluations=1)
+        >>> trained = train(training, "policy")
+        >>> [row["steps"] for row in trained.curve], trained.policy.observations
+        ([0, 32], 5)
     """
     with needs("Training needs stable-baselines3", "rl"):
         import stable_baselines3  # noqa: F401

@@ -14,12 +14,13 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+from auv_gym.channels import CHANNELS, channel, is_flag, truth_of
 from auv_gym.model import Model, model_constant_inputs
 from auv_gym.models.files import load_model, save_model
-from auv_gym.param import spec_at
+from auv_gym.param import did_you_mean, spec_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
-from identification.campaign.file.plan import plan, selected
+from identification.campaign.file.plan import PlannedRun, plan, selected
 from identification.campaign.file.settings import Campaign, Fit, RunSettings
 from identification.campaign.index import Row, read_index
 from identification.campaign.running.shelf import Progress, Shelf
@@ -27,7 +28,7 @@ from identification.campaign.running.staging import make_campaign_vehicle, make_
 from identification.compare.comparison import OpenLoop
 from identification.compare.model_tests import open_loop, poles_of, residual_tests
 from identification.estimate import Estimate
-from identification.estimator import make_estimator
+from identification.estimator import Estimator, make_estimator
 
 FOLDER, LIST = "models", "fits.json"
 FORMAT = 1  # increased when the same settings come to give a different result
@@ -98,6 +99,18 @@ def planned_fits(campaign: Campaign, rows: Sequence[Row]) -> list[FitTask]:
             name = re.sub(r"[^\w.=-]+", "_", "-".join([fit.name, *words]))
             tasks.append(FitTask(name, fit, cell, tuple(train), tuple(held), settings[mine[0].id], campaign.folder))
     return tasks
+
+
+def check_fits(campaign: Campaign, runs: Sequence[PlannedRun]) -> None:
+    """Raise ValueError if a fit names a method, a setting or a channel that does not exist."""
+    for fit in campaign.fit:
+        try:
+            plant = designed_vehicle(selected(runs, fit.runs)[0].settings, campaign.folder)
+            _estimator(fit, plant)
+            if plant is not None:
+                _check_channels((*(fit.inputs or ()), *(fit.outputs or ())), plant)
+        except ValueError as error:
+            raise ValueError(f"{campaign.path}: fit {fit.name!r}: {error}") from None
 
 
 def read_fits(folder: str | Path) -> list[dict[str, Any]]:
@@ -176,7 +189,7 @@ def _fill(result: dict[str, Any], task: FitTask, folder: Path) -> None:
     records = [Record.load(row.path(folder)) for row in task.train]
     plant = designed_vehicle(task.settings, task.origin)
     fit = task.fit
-    estimator = make_estimator(fit.method, fit.settings, plant=plant, inputs=fit.inputs, outputs=fit.outputs)
+    estimator = _estimator(fit, plant)
     started = perf_counter()
     found = estimator.fit(*records)
     model = found.model
@@ -206,6 +219,22 @@ def _fill(result: dict[str, Any], task: FitTask, folder: Path) -> None:
         judged.append(record)
     if judged:
         result["residuals"] = residual_tests(model, judged)
+
+
+def _estimator(fit: Fit, plant: Plant | None) -> Estimator:
+    return make_estimator(fit.method, fit.settings, plant=plant, inputs=fit.inputs, outputs=fit.outputs)
+
+
+def _check_channels(names: Sequence[str], plant: Plant) -> None:
+    """Raise if a simulated run of a vehicle cannot have one of these channels."""
+    own = (*plant.inputs, *plant.outputs)
+    known = {*CHANNELS, *own, *(truth_of(name) for name in plant.states if name in CHANNELS)}
+    for name in names:
+        # set points, excitations and flags depend on the controller
+        if name not in known and channel(name).kind == "auxiliary" and not is_flag(name):
+            raise ValueError(
+                f"No run of {plant.name} has a channel {name!r}. {did_you_mean(name, own)}It has {', '.join(own)}."
+            )
 
 
 def _judged(model: Model, plant: Plant | None, record: Record) -> OpenLoop:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil
@@ -19,6 +20,8 @@ from auv_gym.model import (
     Spread,
     check_finite,
     check_interval,
+    check_model,
+    in_short,
     inputs_of,
     model_constant_inputs,
     outputs_of,
@@ -27,6 +30,7 @@ from auv_gym.model import (
 )
 from auv_gym.models.linear import Polynomial, StateSpace
 from auv_gym.models.spliced import Spliced, splice
+from auv_gym.param import list_paths, value_at
 from auv_gym.plant import Chart, Plant
 from auv_gym.records.record import Record
 from controllers.controller import Controller
@@ -259,8 +263,8 @@ def horizon_sweep(
         >>> {n: round(error, 3) for n, error in errors["heading_rad"].items()}
         {1: 0.014, 10: 0.031}
     """
-    if not horizons or any(k < 1 for k in horizons):
-        raise ValueError(f"horizon_sweep needs horizons of at least 1 sample, got {list(horizons)}.")
+    if not isinstance(horizons, Collection) or not horizons or any(k < 1 for k in horizons):
+        raise ValueError(f"horizon_sweep needs a list of horizons of at least 1 sample, got {horizons!r}.")
     check_usable(type(model).__name__, model, record)
     longest, inputs, measured = max(horizons), inputs_of(model, record), outputs_of(model, record)
     time = record.time
@@ -321,7 +325,8 @@ def compare_closed(
     make_env: returns the environment with a model in the vehicle's place, or with the vehicle itself for None.  A model
     without some of the vehicle's outputs is spliced into the vehicle, and drives those that it has.  seed, targets,
     start: see `drive`.
-    A model that diverges, or that cannot take the vehicle's place, is listed in `failed`.
+    A model that diverges, or that cannot take the vehicle's place, is listed in `failed`.  Raises ValueError if
+    make_env plainly ignores the model that it is given.
 
     Example:
 
@@ -337,24 +342,44 @@ def compare_closed(
         >>> round(found.deviations["bent"]["heading_rad"].rmse, 3)
         0.014
     """
-    env = make_env(None)
-    inner: Any = env.unwrapped
-    plant = inner.plant
-    try:
+    for name, model in models.items():
+        check_model(f"A comparison with {name!r}", model)
+    with closing(make_env(None)) as env:
         vehicle = drive(env, controller, seed=seed, targets=targets, start=start)
-    finally:
-        env.close()
+        inner: Any = env.unwrapped
+        plant = inner.plant
     runs, failed = {}, {}
     for name, model in models.items():
         try:
-            other = make_env(stand_in(plant, model))
-            try:
-                runs[name] = drive(other, controller, seed=seed, targets=targets, start=start)
-            finally:
-                other.close()
+            placed = stand_in(plant, model)
+            other = make_env(placed)
         except (ValueError, Diverged) as error:
             failed[name] = str(error)
+            continue
+        with closing(other):
+            check_in_place(other, placed)
+            try:
+                runs[name] = drive(other, controller, seed=seed, targets=targets, start=start)
+            except (ValueError, Diverged) as error:
+                failed[name] = str(error)
     return ClosedLoop(vehicle, runs, step_scales(vehicle.record), failed)
+
+
+def check_in_place(env: gymnasium.Env, model: Model) -> None:
+    """Raise if an environment plainly runs something else than the model that it was made with."""
+    inner: Any = env.unwrapped
+    used = inner.model
+    if isinstance(model, Plant) and isinstance(used, Plant) and used.family is model.family:
+        # an environment may add noise to what any vehicle measures
+        paths = [path for path in list_paths(model) if not path.startswith("effects.sampling.")]
+        ignored = any(value_at(used, path) != value_at(model, path) for path in paths)
+    else:
+        ignored = isinstance(used, Plant) and not isinstance(model, Plant)
+    if ignored:
+        raise ValueError(
+            f"make_env needs to put the model that it is given into the environment, got {in_short(used)} instead: "
+            "pass it on, as gymnasium.make(..., model=model)."
+        )
 
 
 def stand_in(plant: Plant, model: Model) -> Model:
@@ -370,6 +395,7 @@ def stand_in(plant: Plant, model: Model) -> Model:
 
 def check_usable(name: str, model: Model, record: Record) -> None:
     """Raise an error with the model's name if it cannot run over a record: missing channel or other sample time."""
+    check_model(f"A comparison with {name!r}", model)
     constants = model_constant_inputs(model)
     lacking = [c for c in model.inputs if not record.has(c) and c not in constants]
     if lacking:

@@ -8,7 +8,8 @@ from time import perf_counter
 from typing import TypeVar
 
 from auv_gym.model import Diverged
-from auv_gym.plant import Plant
+from auv_gym.param import check_count
+from auv_gym.plant import Plant, check_vehicle
 from auv_gym.plant.record_check import described
 from auv_gym.records.record import Record
 from identification.deciding import DOUBT, MOST_EFFECTS
@@ -60,6 +61,10 @@ def diagnose(
         >>> found.verdict, [effect.path for effect in found.effects]
         ('named', ['effects.rudder.offset'])
     """
+    check_vehicle("diagnose", plant)
+    if not isinstance(record, Record):
+        raise ValueError(f"diagnose needs a record, got a {type(record).__name__}: join several with concat.")
+    check_count("most", most)
     asked, seconds = Asked(window, settle, seed, most, doubt, trust), dict[str, float]()
 
     def timed(step: str, run: Callable[[], T]) -> T:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
@@ -13,7 +13,11 @@ import numpy as np
 
 from auv_gym import __version__
 from auv_gym.channels import CHANNELS, set_point_of
+from auv_gym.envs.task_env import TaskEnv
+from auv_gym.param import did_you_mean
 from auv_gym.records.record import Record
+from controllers.composed.excited import added_by
+from controllers.composed.loops import targets_of
 from controllers.controller import Controller
 
 Steps = Mapping[str, Sequence[tuple[float, float]]]
@@ -61,8 +65,9 @@ def drive(
         (31, '')
     """
     steps = {name: checked_steps(name, given) for name, given in (targets or {}).items()}
-    inner: Any = env.unwrapped
     actions = commanded(env)
+    inner: Any = env.unwrapped
+    check_followed(controller, steps)
     _, info = env.reset(seed=seed, options={"start": dict(start)} if start else None)
     memory = controller.start()
     rows: list[tuple[float, dict, dict, dict]] = []  # time, reading, target, state
@@ -79,7 +84,13 @@ def drive(
             rows.append((time, reading, target, {name: info["state"][name] for name in known}))
         if ended:
             break
-        command, memory = controller.act(memory, {**reading, "dt_s": time - before}, target)
+        try:
+            command, memory = controller.act(memory, {**reading, "dt_s": time - before}, target)
+        except KeyError as error:
+            raise ValueError(
+                f"The controller needs {error}, which is not among the readings ({', '.join(reading)}) or targets "
+                f"({', '.join(target)}) of this episode: give it as a target, or a controller that does without."
+            ) from error
         for name in actions:
             if name not in command:
                 raise ValueError(
@@ -98,9 +109,24 @@ def drive(
 
 
 def commanded(env: gymnasium.Env) -> tuple[str, ...]:
-    """The inputs that an environment's action commands."""
-    inner: Any = env.unwrapped
+    """The inputs that an environment's action commands; raises for an environment of another package."""
+    inner: Any = getattr(env, "unwrapped", env)
+    if not isinstance(inner, TaskEnv):
+        raise ValueError(
+            f"A controller drives environments of auv_gym, such as auv_gym/Depth-v0, got {type(inner).__name__}."
+        )
     return inner.episodes.actions
+
+
+def check_followed(controller: Controller, targets: Iterable[str]) -> None:
+    """Raise if a controller that lists its targets follows none of this name."""
+    followed = (*targets_of(controller), *added_by(controller))
+    for name in targets if followed else ():
+        if name not in followed:
+            raise ValueError(
+                f"The controller does not follow a target of {name!r}. {did_you_mean(name, followed)}It follows "
+                f"{', '.join(followed)}: leave the target out, or give a controller of this channel."
+            )
 
 
 def checked_steps(name: str, given: Any) -> tuple[tuple[float, float], ...]:

@@ -14,10 +14,17 @@ from typing import Any, Final, cast
 import numpy as np
 from scipy.signal import chirp as swept, max_len_seq
 
-from auv_gym.param import did_you_mean
+from auv_gym.param import check_count, did_you_mean
 from identification.experiments.multisine import multisine
 
 _LONGEST_REGISTER = 31
+
+
+def check_generator(name: str, rng: Any) -> None:
+    """Raise an error that names the caller, `name`, if this does not draw random numbers."""
+    if not isinstance(rng, np.random.Generator):
+        seed = rng if isinstance(rng, int) else 0
+        raise ValueError(f"{name} needs rng as a generator, got {rng!r}: give numpy.random.default_rng({seed}).")
 
 
 def prbs(n: int, hold: int, amplitude: float, rng: np.random.Generator) -> np.ndarray:
@@ -33,8 +40,9 @@ def prbs(n: int, hold: int, amplitude: float, rng: np.random.Generator) -> np.nd
         >>> prbs(8, 2, 0.1, np.random.default_rng(0))
         array([ 0.1, -0.1, -0.1,  0.1,  0.1, -0.1, -0.1, -0.1])
     """
-    if n < 1 or hold < 1:
-        raise ValueError(f"prbs needs n >= 1 and hold >= 1 samples, got n = {n} and hold = {hold}.")
+    check_count("prbs: n", n)
+    check_count("prbs: hold", hold)
+    check_generator("prbs", rng)
     bits = max(ceil(n / hold).bit_length(), 2)
     sequence = np.roll(max_len_seq(bits)[0], int(rng.integers(2**bits - 1)))
     lengthened = np.repeat(2.0 * sequence - 1.0, hold)
@@ -54,6 +62,7 @@ def set_point_steps(
 
     time: s, rising.  hold: s, range of the time between changes.  step: range of a change's size, in the signal's unit.
     """
+    check_generator("set_point_steps", rng)
     time = np.asarray(time, dtype=float)
     if not 0.0 < hold[0] <= hold[1]:
         raise ValueError(f"set_point_steps needs 0 < hold[0] <= hold[1] in s, got {hold}.")
@@ -262,6 +271,7 @@ def make_signal(
     amplitude = settings["amplitude"]
     if not _is_number(amplitude) or not 0.0 < amplitude < inf:
         raise ValueError(f"Signal {kind!r} needs amplitude > 0, in its channel's unit, got {amplitude!r}.")
+    check_generator("make_signal", rng)
     if n < 1 or not 0.0 < dt < inf:
         raise ValueError(f"A signal needs n >= 1 samples and dt > 0 s, got n = {n} and dt = {dt!r}.")
     first = _samples(kind, "start_s", start_s, dt) if start_s else 0

@@ -12,12 +12,13 @@ import numpy as np
 
 from auv_gym.model import check_finite
 from auv_gym.physics.buoyancy import GRAVITY
-from auv_gym.plant import Plant
+from auv_gym.plant import Plant, check_vehicle
 from auv_gym.plant.rollout import scratch_for
 from auv_gym.records.record import Record, concat
 from auv_gym.vehicles.profiling_float import steady_speed
 from controllers.controller import Controller
 from controllers.pid import float_depth_pid
+from identification.experiments.excitation import check_generator
 
 Profile = Callable[[float], float]
 
@@ -82,14 +83,18 @@ def depth_control(
         >>> depth_control(load_vehicle("qiandao_float"), [10, 20], rng=np.random.default_rng(0), hold=200)
         Record(852 samples, 1 segment, 399.86 s: depth_m, piston_m, depth_cmd_m)
     """
+    check_vehicle("depth_control", plant)
+    check_generator("depth_control", rng)
     if "piston_m" not in plant.family.required:
         raise ValueError(
             f"depth_control needs a float with a piston, got {plant.name!r} of family {plant.family.name!r}: take "
             "oil_mission for one with an oil bladder, closed_loop for a glider."
         )
+    if not isinstance(targets, Sequence | np.ndarray) or isinstance(targets, str):
+        raise ValueError(f"depth_control needs targets as a list of depths in m, got {targets!r}.")
     far = plant.dt if dt is None else dt
     holds = [float(h) for h in hold] if isinstance(hold, Sequence) else [float(hold)] * len(targets)
-    if not targets or len(holds) != len(targets) or not all(h > far for h in holds):
+    if not len(targets) or len(holds) != len(targets) or not all(h > far for h in holds):
         raise ValueError(
             f"A float needs targets and for each a hold (--duration, hold) longer than a sample of {far:g} s (--dt, "
             f"dt), got {len(targets)} targets and {holds} s."
@@ -151,6 +156,8 @@ def oil_mission(
         >>> round(log["depth_m"].max()), round(log.duration_s / 3600, 1)
         (455, 6.7)
     """
+    check_vehicle("oil_mission", plant)
+    check_generator("oil_mission", rng)
     if "oil_volume_m3" not in plant.family.required:
         raise ValueError(
             f"oil_mission needs a float with an oil bladder, got {plant.name!r} of family {plant.family.name!r}: take "

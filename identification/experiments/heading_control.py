@@ -7,13 +7,14 @@ from math import floor, pi, radians
 import numpy as np
 
 from auv_gym.model import Diverged
+from auv_gym.param import check_number
 from auv_gym.physics.frames import velocity_ned
-from auv_gym.plant import Plant
+from auv_gym.plant import Plant, check_vehicle
 from auv_gym.records.record import Record
 from auv_gym.vehicles.glider import GliderHull
 from controllers.controller import Controller
 from controllers.pid import heading_pid
-from identification.experiments.excitation import prbs, set_point_steps, slow_variation
+from identification.experiments.excitation import check_generator, prbs, set_point_steps, slow_variation
 
 _PITCH = 0.4  # rad, of a dive or a climb
 _TURN = 8.0  # s, time constant of the change from dive to climb
@@ -21,6 +22,7 @@ _LEG = (120.0, 300.0)  # s, length of a dive or a climb
 _SHALLOWEST = 15.0  # m
 _SPEED_VARIATION = 0.3  # of nominal speed
 _ROLL_VARIATION = 0.09  # rad
+_FASTEST = 4.0  # of nominal speed
 
 
 def closed_loop(
@@ -56,11 +58,20 @@ def closed_loop(
         >>> len(log), log.names[:3]
         (76, ('heading_rad', 'rudder_rad', 'heading_cmd_rad'))
     """
+    check_vehicle("closed_loop", plant)
+    check_generator("closed_loop", rng)
     if not isinstance(plant.hull, GliderHull):
         raise ValueError(
             f"closed_loop needs a vehicle of family 'glider', got {plant.name!r} ({plant.family.name!r}): step "
             "this one in an environment, such as gymnasium.make('auv_gym/Heading-v0', vehicle=...)."
         )
+    check_number("run_in", run_in, "s", at_least=0.0)
+    check_number("compass_noise", compass_noise, "rad", at_least=0.0)
+    for name, noise, unit in (("track_noise", track_noise, "m"), ("gyro_noise", gyro_noise, "rad/s")):
+        if noise is not None:
+            check_number(name, noise, unit, at_least=0.0)
+    if speed is not None:
+        check_number("speed", speed, "m/s", above=0.0, at_most=_FASTEST * plant.hull.speed)
     skipped = round(run_in / plant.dt)
     n = floor(duration / plant.dt + 1e-9) + 1 + skipped
     if n < 2 + skipped:

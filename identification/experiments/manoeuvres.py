@@ -8,15 +8,15 @@ from math import pi, radians
 import numpy as np
 
 from auv_gym.envs.task_env import TaskEnv
-from auv_gym.param import replace_at
-from auv_gym.plant import Plant
+from auv_gym.param import check_number, replace_at
+from auv_gym.plant import Plant, check_vehicle
 from auv_gym.plant.cruise import command_limits, find_cruise, find_helm
 from auv_gym.records.record import Record
 from controllers.autopilots import usual_autopilot
 from controllers.composed.excited import Excited
 from controllers.controller import Controller
 from identification.experiments.driving import drive
-from identification.experiments.excitation import make_signal, set_point_steps
+from identification.experiments.excitation import check_generator, make_signal, set_point_steps
 
 NOISE = {  # standard deviations of the other sensors
     "inclinometer": radians(0.2),
@@ -59,6 +59,9 @@ def steer(
         >>> len(log), log.names[:3]
         (301, ('roll_rad', 'pitch_rad', 'heading_rad'))
     """
+    check_vehicle("steer", plant)
+    check_generator("steer", rng)
+    check_number("duration", duration, "s", above=0.0)
     if plant.family.body is None:
         raise ValueError(
             f"steer needs a vehicle in six degrees of freedom, got {plant.name!r} of family {plant.family.name!r}."

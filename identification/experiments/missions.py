@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from auv_gym.param import did_you_mean, list_paths, value_at
-from auv_gym.plant import Plant
+from auv_gym.plant import Plant, check_vehicle
 from auv_gym.records.record import Record
+from identification.experiments.excitation import check_generator
 from identification.experiments.kinds import KINDS, Mission
 
 
@@ -25,6 +26,8 @@ def run_mission(plant: Plant, rng: np.random.Generator, **settings: Any) -> Reco
         >>> len(log), log.names[:3]
         (76, ('heading_rad', 'rudder_rad', 'heading_cmd_rad'))
     """
+    check_vehicle("run_mission", plant)
+    check_generator("run_mission", rng)
     check_mission(plant, settings)
     return mission_of(plant).make(plant, rng, **settings)
 

@@ -71,4 +71,7 @@ class KernelMachine:
                 f"KernelMachine needs rows of {self.support.shape[1]} inputs, got an array of shape {rows.shape}: "
                 "pass one sample as x[None]."
             )
+        if not np.isfinite(rows).all():
+            bad = int(np.argmin(np.isfinite(rows).all(axis=1)))
+            raise ValueError(f"KernelMachine needs finite inputs, got {rows[bad]} in row {bad}: leave such rows out.")
         return rows

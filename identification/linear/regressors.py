@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from auv_gym.channels import channel
-from auv_gym.records.record import Record
+from auv_gym.records.record import Record, records_of
 from identification.linear.polynomials.structure import Row, Term
 from identification.linear.triangles import triangle_tall
 
@@ -34,8 +34,7 @@ class Series:
     @classmethod
     def of(cls, records: Sequence[Record], inputs: Sequence[str], outputs: Sequence[str], name: str) -> Series:
         """The signals of records; raises, naming the estimator `name`, if they do not suit a linear model."""
-        if not records:
-            raise ValueError(f"{name}.fit needs at least one record, got none.")
+        records = records_of(f"{name}.fit", records)
         names = (*inputs, *outputs)
         dt = _plain(records[0].sample_interval)
         parts = []

@@ -53,7 +53,7 @@ def tuning_summary(found: Judged) -> list[str]:
         worst_value = f"a {quantity} of {_shown(hardest.value, unit)} in the {_loop(hardest.channel)} loop"
         values = [_with_value(found, path, value) for path, value in found.changed(hardest.at).items()]
         if hardest.at == 0:
-            lines.append(f"No drawn vehicle is worse than the vehicle itself, with {worst_value}.")
+            lines.append(f"Relative to its limit, the worst value is that of the vehicle itself, {worst_value}.")
         else:
             more = f" Its other {len(values) - _TOLD} parameters are in the file of gains." * (len(values) > _TOLD)
             lines.append(

@@ -9,6 +9,7 @@ from math import exp
 import numpy as np
 
 from auv_gym.compiled import compiled
+from auv_gym.param import check_count, check_names
 from auv_gym.records.record import Record
 from identification.recursive.diving_fit import DivingFit, traced_fit
 from identification.recursive.diving_model import decayed
@@ -156,6 +157,7 @@ class CorrectedIvls:
     known: Sequence[str] = ()
 
     def __post_init__(self) -> None:
+        check_names("CorrectedIvls: known", self.known)
         check_settings("CorrectedIvls", self.initial, self.spread, self._known)
         if self.initial[0] != 1.0:
             raise ValueError(f"CorrectedIvls keeps unity at 1, got {self.initial[0]!r} as its initial value.")
@@ -164,13 +166,12 @@ class CorrectedIvls:
                 raise ValueError(f"CorrectedIvls needs {name} > 0 s, got {getattr(self, name)!r}.")
         if not self.fastest < self.slowest < np.inf:
             raise ValueError(f"CorrectedIvls needs fastest < slowest, got {self.fastest!r} and {self.slowest!r} s.")
-        if not 0 <= self.lag < MOST_LAGS:
-            raise ValueError(f"CorrectedIvls needs 0 <= lag < {MOST_LAGS} samples, got {self.lag!r}.")
-        if self.passes < 1 or self.warm_up < 1 or not 0.0 <= self.share <= 1.0:
-            raise ValueError(
-                "CorrectedIvls needs passes >= 1, warm_up >= 1 and 0 <= share <= 1, got "
-                f"{self.passes!r}, {self.warm_up!r} and {self.share!r}."
-            )
+        for name, least in (("lag", 0), ("passes", 1), ("warm_up", 1)):
+            check_count(f"CorrectedIvls: {name}", getattr(self, name), least)
+        if not self.lag < MOST_LAGS:
+            raise ValueError(f"CorrectedIvls needs lag < {MOST_LAGS} samples, got {self.lag!r}.")
+        if not 0.0 <= self.share <= 1.0:
+            raise ValueError(f"CorrectedIvls needs 0 <= share <= 1, got {self.share!r}.")
 
     @property
     def _known(self) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_gym.compiled import compiled
+from auv_gym.param import check_count
 from auv_gym.records.record import Record
 from identification.recursive.diving_fit import DivingFit, traced_fit
 from identification.recursive.diving_model import regress
@@ -101,8 +102,9 @@ class Ivls:
         check_settings("Ivls", self.initial, self.spread, self.known)
         if not 0.0 <= self.share <= 1.0:
             raise ValueError(f"Ivls needs 0 <= share <= 1, got {self.share!r}.")
-        if not 1 <= self.lag <= MOST_LAGS:
-            raise ValueError(f"Ivls needs 1 <= lag <= {MOST_LAGS} samples, got {self.lag!r}.")
+        check_count("Ivls: lag", self.lag)
+        if not self.lag <= MOST_LAGS:
+            raise ValueError(f"Ivls needs lag <= {MOST_LAGS} samples, got {self.lag!r}.")
 
     def start(self) -> Memory:
         """The memory before the first sample."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from auv_gym.compiled import bind, compiled, view_as
-from auv_gym.param import did_you_mean
+from auv_gym.param import check_names, did_you_mean
 from identification.recursive.diving_model import PARAMETERS, regress
 from identification.recursive.samples import Samples
 
@@ -202,6 +202,7 @@ def check_settings(name: str, initial: Sequence[float], spread: float, known: Se
         raise ValueError(f"{name} needs {COUNT} finite initial values ({', '.join(PARAMETERS)}), got {initial!r}.")
     if not 0.0 < spread < np.inf:
         raise ValueError(f"{name} needs spread > 0, got {spread!r}: 1e6 leaves theta to the data.")
+    check_names(f"{name}: known", known)
     for parameter in known:
         if parameter not in PARAMETERS:
             raise ValueError(f"{name} has no parameter {parameter!r}. {did_you_mean(parameter, PARAMETERS)}")

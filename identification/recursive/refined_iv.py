@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_gym.compiled import compiled
+from auv_gym.param import check_names
 from auv_gym.records.record import Record
 from identification.recursive.corrected_ivls import CorrectedIvls
 from identification.recursive.diving_fit import DivingFit, diving_fit
@@ -102,6 +103,7 @@ class RefinedIv:
     known: Sequence[str] = ()
 
     def __post_init__(self) -> None:
+        check_names("RefinedIv: known", self.known)
         check_settings("RefinedIv", self.initial, 1.0, self._known)
         if not 0.0 < self.fastest < self.slowest < np.inf:
             raise ValueError(f"RefinedIv needs 0 < fastest < slowest, got {self.fastest!r} and {self.slowest!r} s.")

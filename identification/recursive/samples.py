@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auv_gym.records.record import Record
+from auv_gym.records.record import Record, records_of
 
 SAMPLES_PER_PARAMETER = 4
 
@@ -27,8 +27,7 @@ class Samples:
     @classmethod
     def of(cls, records: Sequence[Record], name: str, parameters: int) -> Samples:
         """The samples of records; raises, on behalf of the estimator `name`, if nothing can be fitted to them."""
-        if not records:
-            raise ValueError(f"{name}.fit needs at least one record, got none.")
+        records = records_of(f"{name}.fit", records)
         for record in records:
             lacking = [channel for channel in ("depth_m", "piston_m") if not record.has(channel)]
             if lacking:

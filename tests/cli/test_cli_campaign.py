@@ -10,6 +10,17 @@ from identification.campaign.index import read_index
 
 ROOT = Path(__file__).parents[2]
 GUIDE = re.findall(r"```toml\n(.*?)```", (ROOT / "docs" / "campaigns.md").read_text(encoding="utf-8"), re.DOTALL)
+SHORT = """
+name = "short"
+[vehicle]
+preset = "slocum"
+[experiment]
+kind = "env"
+id = "GliderHeading"
+duration_s = 80.0
+[controller]
+kind = "pid"
+"""
 SLOW = {"depth", "gains"}  # of vehicles that take long to compile
 
 
@@ -83,6 +94,29 @@ experiment.duration_s = [30.0]
     assert "ended" in said
     assert "too deep" in said
     assert "experiment.start.depth_m = 39.0" in said
+
+
+def test_a_failed_fit_is_told_with_its_reason(tmp_path, capsys):
+    fit = """
+[[fit]]
+name = "hopeless"
+method = "arx"
+settings = { n_a = 400 }
+inputs = ["rudder_rad"]
+outputs = ["heading_rad"]
+"""
+    (tmp_path / "short.toml").write_text(SHORT + fit)
+    given = ["campaign", str(tmp_path / "short.toml"), "--out", str(tmp_path / "out"), "--jobs", "1"]
+    assert main(given) == 3
+    said = " ".join(capsys.readouterr().out.split())
+    assert "1 of 1 fits failed" in said
+    assert "hopeless" in said
+
+
+def test_a_part_that_the_file_does_not_have_is_refused(tmp_path, capsys):
+    (tmp_path / "short.toml").write_text(SHORT)
+    assert run(tmp_path / "short.toml", tmp_path / "out", "--only", "fits") == 1
+    assert "--only fits needs [[fit]] in" in " ".join(capsys.readouterr().err.split())
 
 
 def test_an_error_in_the_file_ends_before_anything_is_made(tmp_path, capsys):

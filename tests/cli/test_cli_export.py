@@ -29,6 +29,12 @@ def test_a_file_without_an_ending_is_given_the_usual_one(tmp_path, capsys, form,
     assert {f.name for f in tmp_path.iterdir()} == {f"boat{ending}", "boat.v2"}
 
 
+def test_a_file_under_the_ending_of_another_form_is_refused(tmp_path, capsys):
+    assert main(["export", "npsauv", "--to", "sdf", "--out", str(tmp_path / "boat.mat")]) == 1
+    assert "--out with --to sdf ends in .sdf, got 'boat.mat': rename it" in " ".join(capsys.readouterr().err.split())
+    assert not list(tmp_path.iterdir())
+
+
 def test_casadi_reads_the_function_that_was_written(tmp_path, capsys):
     ca = pytest.importorskip("casadi", reason="the extra `casadi` is not installed")
     file = tmp_path / "glider.casadi"

@@ -112,7 +112,7 @@ def test_bad_input_is_refused_in_words(folder, tmp_path, capsys):
         ("identify", train, *arx, "--free", "hull.n_r"): "no setting 'free'",
         ("identify", train, "--method", "arx", "--out", tmp_path / "m.toml", *CHANNELS): "ends in .npz",
         ("identify", train, "--method", "arx", "--out", tmp_path / "no" / "m.npz", *CHANNELS): "create it first",
-        ("identify", train, "--method", "grey_box", "--out", tmp_path / "m.toml"): "needs the setting 'free'",
+        ("identify", train, "--method", "grey_box", "--out", tmp_path / "m.toml"): "grey_box needs a vehicle: give a",
         ("identify", tmp_path / "none.nc", *arx): "There is no file",
         ("identify", train, "--method", "arx", "--out", out, "--input", "rudder_rad", "--output", "pitch_rad"): (
             "no channel 'rudder_rad'"

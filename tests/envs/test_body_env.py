@@ -376,19 +376,19 @@ def test_dropouts_hold_all_readings_of_a_sensor():
 
 
 @pytest.mark.parametrize(
-    "start, reason",
+    "start, effects, reason",
     [
-        ({"depth_m": 0.05, "pitch_rad": 0.6}, "broached"),
-        ({"depth_m": 66.6, "pitch_rad": -0.6}, "too deep"),
-        ({"pitch_rad": 1.39, "q_radps": 1.0}, "pitch_rad is"),
-        ({"roll_rad": 2.09, "p_radps": 3.0}, "roll_rad is"),
-        ({"u_mps": 6.3}, "the speed is"),
-        ({"p_radps": 100.0}, "the rate of turn is"),
-        ({"u_mps": 1e12}, "diverged"),
+        ({"depth_m": 0.05, "pitch_rad": 0.6}, {}, "broached"),
+        ({"depth_m": 66.6, "pitch_rad": -0.6}, {}, "too deep"),
+        ({"pitch_rad": 1.39, "q_radps": 1.0}, {}, "pitch_rad is"),
+        ({"roll_rad": 2.09, "p_radps": 3.0}, {}, "roll_rad is"),
+        ({"heading_rad": 0.0}, {"effects.load.tether_north": 2000.0}, "the speed is"),
+        ({}, {"effects.load.moment_x": 50.0}, "the rate of turn is"),
+        ({"north_m": 2e9}, {}, "diverged"),
     ],
 )
-def test_leaving_the_envelope_ends_the_episode_with_the_reason(start, reason):
-    env = TaskEnv("Depth", "remus100", duration=10.0)
+def test_leaving_the_envelope_ends_the_episode_with_the_reason(start, effects, reason):
+    env = TaskEnv("Depth", "remus100", duration=10.0, effects=effects)
     env.reset(seed=0, options={"start": start})
     terminated = truncated = False
     while not (terminated or truncated):
@@ -539,7 +539,15 @@ def lacking(**changes):
         ({"waypoints": [(0.0, 0.0, 10.0)]}, "has a target, not waypoints"),
         ({"task": "Path", "target": 1.0}, "has waypoints, not a target"),
         ({"task": "Path", "waypoints": [(1.0, 2.0)]}, "rows of north, east and depth"),
-        ({"task": "Path", "waypoints": [(1.0, 2.0, -3.0)]}, "depths of 0 m or more"),
+        ({"task": "Path", "waypoints": [(1.0, 2.0, -3.0)]}, "depths from 0 to 66.6 m, got -3"),
+        ({"task": "Path", "waypoints": [(1.0, 2.0, float("nan"))]}, "finite numbers in m, got .*nan"),
+        ({"task": "Path", "waypoints": "abc"}, "finite numbers in m, got 'abc'"),
+        ({"task": "Heading", "target": 100.0}, r"target\['heading_rad'\] needs a value from -6.28 to 6.28 rad"),
+        ({"task": "Speed", "target": -3.0}, r"target\['u_mps'\] needs a value from 0 to 5.91 m/s"),
+        ({"vehicle": 3}, "A vehicle is the name of a preset .*, got 3"),
+        ({"model": 3}, "model= needs a model, got 3"),
+        ({"effects": [1]}, "effects= needs values by parameter path"),
+        ({"dt": "0.1"}, "dt needs a number above 0"),
         ({"actions": ["rudder_rad", "propeller_rp"]}, "does not move remus100. Did you mean 'propeller_rpm'"),
         ({"actions": ["bow_plane_rad"]}, "does not move remus100"),
         ({"actions": []}, "actions= needs one or more names"),
@@ -547,7 +555,7 @@ def lacking(**changes):
         ({"actions": ["rudder_rad", "rudder_rad"]}, "each once"),
         (
             {"near": (0.8, 0.36)},
-            "takes the options of all environments and actions and waypoints, got 'near'",
+            "has no option 'near' for remus100. .*actions, waypoints",
         ),
         ({"model": lacking(dt=0.2)}, "dt=0.2"),
         ({"model": lacking(outputs=("depth_m",))}, "needs pitch_rad among its outputs"),
@@ -559,3 +567,17 @@ def lacking(**changes):
 def test_what_does_not_fit_is_refused(options, message):
     with pytest.raises(ValueError, match=message):
         TaskEnv(**{"task": "Depth", **options})
+
+
+@pytest.mark.parametrize(
+    "start, limits",
+    [
+        ({"depth_m": 1e5}, "from 0 to 66.6 m"),
+        ({"depth_m": -3.0}, "from 0 to 66.6 m"),
+        ({"pitch_rad": 2.0}, "from -1.4 to 1.4 rad"),
+        ({"u_mps": 1e9}, "from -5.91 to 5.91 m/s"),
+    ],
+)
+def test_a_start_outside_the_envelope_is_refused(start, limits):
+    with pytest.raises(ValueError, match=limits):
+        TaskEnv("Depth", "remus100").reset(options={"start": start})

@@ -290,8 +290,8 @@ def test_delay_quantisation_and_dropouts():
     "start, reason",
     [
         ({"depth_m": 116.7, "depth_rate_mps": 0.1}, "too deep: depth_m is"),
-        ({"depth_rate_mps": 0.8}, "out of its envelope: the speed is"),
-        ({"depth_m": 2e9}, "diverged"),
+        ({"volume_m3": -0.05}, "out of its envelope: the speed is"),
+        ({"volume_m3": 2e9}, "diverged"),
     ],
 )
 @pytest.mark.parametrize("near", [None, NEAR])
@@ -321,9 +321,9 @@ def test_it_is_truncated_after_its_duration():
 
 def test_a_model_that_leaves_the_water_ends_the_episode():
     env = make(model=Drift())
-    *_, terminated, _, info = run(env, [1.0], start={"depth_m": -0.99})[0]
+    *_, terminated, _, info = run(env, [1.0] * 15, start={"depth_m": 0.0})[-1]
     assert terminated
-    assert info["reason"] == "out of the water: depth_m is -1.06 at 0.7 s"
+    assert info["reason"] == "out of the water: depth_m is -1.05 at 10.5 s"
 
 
 def test_a_float_afloat_stays_afloat():
@@ -396,10 +396,11 @@ def test_a_model_that_diverges_ends_the_episode():
         ({"vehicle": "remus100"}, "needs a profiling float, such as 'qiandao_float', got 'remus100' of family 'body'"),
         ({"vehicle": "qiandao"}, "Did you mean 'qiandao_float'"),
         ({"randomise": {"hull.piston_low": (0.4, 0.7)}}, "impossible vehicle"),
-        ({"target": -3.0}, "target needs a number of at least 0"),
+        ({"target": -3.0}, r"target\['depth_m'\] needs a value from 0 to"),
+        ({"target": 1e6}, r"from 0 to 1.1e\+04 m"),
         (
             {"waypoints": [(0.0, 0.0, 10.0)]},
-            "takes the options of all environments and near and depths, got 'waypoints'",
+            "has no option 'waypoints' for qiandao_float. .*near, depths",
         ),
         ({"near": 0.8}, r"near= needs a pair \(m, s\)"),
         ({"near": (0.0, 0.36)}, "near.0. needs a number above 0 in m"),
@@ -425,7 +426,8 @@ def test_what_does_not_fit_is_refused(options, message):
     "options, message",
     [
         ({"start": {"heading_rad": 1.0}}, "depth_m, depth_rate_mps, volume_m3"),
-        ({"target": -1.0}, "at least 0"),
+        ({"target": -1.0}, "from 0 to"),
+        ({"start": {"depth_m": 1e5}}, r"start\['depth_m'\] needs a value from 0 to"),
         ({"depth": 1.0}, "reset has the options"),
     ],
 )

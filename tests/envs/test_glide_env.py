@@ -122,6 +122,7 @@ def test_a_glider_whose_attitude_was_an_input_steps_30_s_and_a_steered_one_its_o
         ({"target": 5.0}, "has waypoints, not a target"),
         ({"bottom": 10.0}, "bottom needs a number of at least 30"),
         ({"waypoints": [(1.0, 2.0)]}, "waypoints needs one or more rows"),
+        ({"waypoints": [(100.0, 0.0, 50.0)]}, "depths of 0 m, as they are at the surface, got 50"),
         ({"vehicle": "slocum"}, "Glide needs a glider that flies, such as 'seaglider' or .* 'seawing', got 'slocum'"),
         ({"vehicle": replace_at(load_vehicle("seaglider"), "hull.mass", 60.0)}, "engine .* cannot take it down and up"),
     ],

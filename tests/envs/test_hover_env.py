@@ -337,7 +337,7 @@ def test_a_vehicle_that_cannot_pitch_has_neither_such_a_target_nor_such_an_actio
     with pytest.raises(ValueError, match="actions= has 'pitch', which does not move"):
         TaskEnv("StationKeeping", flat, actions=["surge", "pitch"])
     env = TaskEnv("Pose", flat, target={"pitch_rad": 0.0, "roll_rad": 0.2})
-    with pytest.raises(ValueError, match=f"reset option '{words}".replace("target", "target'", 1)):
+    with pytest.raises(ValueError, match=f"reset option {words}"):
         env.reset(options={"target": {"pitch_rad": 0.2}})
 
 

@@ -68,7 +68,7 @@ def test_settings_take_the_types_of_their_fields():
         ("arx", {"inputs": ["rudder_rad"]}, {"outputs": OUTPUTS}, r"no setting 'inputs'"),
         ("rwls", {}, {"inputs": ["piston_m"]}, r"rwls knows its own inputs"),
         ("rwls", {"forgetting": 2.0}, {}, r"0 < forgetting <= 1"),
-        ("grey_box", {}, {}, r"needs the setting 'free'"),
+        ("grey_box", {}, {}, r"needs a vehicle: give a preset"),
         ("grey_box", {"free": ["hull.n_r"]}, {}, r"needs a vehicle: give a preset"),
     ],
 )

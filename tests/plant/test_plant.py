@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from auv_gym.param import list_paths, replace_at, spec_at, value_at
-from auv_gym.plant import Plant, list_vehicles, load_vehicle, save_vehicle
+from auv_gym.plant import Plant, check_vehicle, list_vehicles, load_vehicle, save_vehicle
 from auv_gym.plant.cruise import find_helm
 from auv_gym.presets import Heading, list_preset_headings
 from auv_gym.records.record import Record
@@ -222,7 +222,7 @@ def test_integers_and_strided_arrays_step_as_floats_do():
 
 @pytest.mark.parametrize("change", [{"dt": 0.0}, {"dt": -1.0}, {"longest_step": math.nan}, {"dt": math.inf}])
 def test_a_plant_needs_positive_times(change):
-    with pytest.raises(ValueError, match=r"A plant needs (dt|longest_step) > 0 s"):
+    with pytest.raises(ValueError, match=r"A plant's (dt|longest_step) needs a number above 0 in s"):
         replace(load_vehicle("slocum"), **change)
 
 
@@ -396,7 +396,7 @@ BAD_FILES = {
     "number for a title": (HEAD + "title = 3", "title needs text in quotes, got 3"),
     "text for a time": (HEAD + 'dt_s = "1"', "dt_s needs a number of seconds, got '1'"),
     "truth for a time": (HEAD + "dt_s = true", "dt_s needs a number of seconds, got True"),
-    "negative time": (HEAD + "dt_s = -1.0", "A plant needs dt > 0 s, got -1.0"),
+    "negative time": (HEAD + "dt_s = -1.0", "A plant's dt needs a number above 0 in s, got -1.0"),
     "unknown parameter": (HEAD + "[hull]\nmas = 5.0", "v.toml: No parameter 'hull.mas'. Did you mean 'hull.mass'"),
     "unknown effect": (HEAD + "[effects.ruder]\noffset = 0.1", "Did you mean 'effects.rudder.offset'"),
     "unknown key of a parameter": (
@@ -531,3 +531,13 @@ def test_prime_values_are_made_dimensional_by_density_and_length(tmp_path):
     save_vehicle(plant, tmp_path / "w.toml")
     assert "prime" not in (tmp_path / "w.toml").read_text()
     assert np.array_equal(load_vehicle(tmp_path / "w.toml").vector, plant.vector)
+
+
+def test_a_name_is_no_vehicle():
+    with pytest.raises(ValueError, match=r"steer needs a vehicle, got 'remus100': give load_vehicle\('remus100'\)"):
+        check_vehicle("steer", "remus100")
+
+
+def test_a_vehicle_is_saved_under_its_own_ending(tmp_path):
+    with pytest.raises(ValueError, match=r"A vehicle file ends in \.toml, got 'a\.json': rename it"):
+        save_vehicle(load_vehicle("slocum"), tmp_path / "a.json")

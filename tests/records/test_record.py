@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 from hypothesis import given, strategies as st
 
-from auv_gym.records.record import Record, concat
+from auv_gym.records.record import Record, concat, records_of
 
 
 def record(n=50, dt=4.0, **more):
@@ -351,3 +351,32 @@ def test_on_a_grid_commands_are_not_late_by_rounding():
     steps = np.where(np.arange(300) % 2, 0.3, -0.3)
     record = Record.from_arrays(time - time[0], {"heading_rad": 0.01 * np.arange(300), "rudder_rad": steps})
     assert record.resample(0.1)["rudder_rad"].tolist() == steps.tolist()
+
+
+def test_a_record_is_a_mapping_of_channels_and_no_sequence_of_samples():
+    r = record()
+    assert all(name in r for name in r.names)
+    assert list(r) == list(r.names)
+    assert 0 not in r
+    with pytest.raises(ValueError, match=r"read by channel, such as record\['depth_m'\], got record\[0\]"):
+        r[0]
+    assert len(concat(r)) == len(r)
+
+
+@pytest.mark.parametrize(
+    "given, words",
+    [
+        ([], "needs at least one record, got none"),
+        ("log.nc", "needs records, got a str: read_record reads a log"),
+        ([[1, 2]], r"needs records, got a list: give its items one by one, as in fit\(\*records\)"),
+        (3, "needs records, got a int"),
+    ],
+)
+def test_other_data_than_records_are_refused(given, words):
+    with pytest.raises(ValueError, match=f"A fit {words}"):
+        records_of("A fit", given)
+
+
+def test_a_record_is_saved_under_its_own_ending(tmp_path):
+    with pytest.raises(ValueError, match=r"The file of a record ends in \.nc, got 'log\.csv': rename it"):
+        record().save(tmp_path / "log.csv")

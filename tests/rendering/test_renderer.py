@@ -257,4 +257,26 @@ def test_the_depth_asked_for_is_the_target_s_or_else_the_waypoint_s():
     assert Target(waypoints=ROUTE, active=2).next_depth == 60.0
     assert Target(waypoints=ROUTE, active=3).next_depth is None
     assert Target(waypoints=ROUTE, depth=7.0).next_depth == 7.0
+    assert Target(waypoints=ROUTE, level=True).next_depth is None
     assert replace(Target(), depth=3.0).next_depth == 3.0
+
+
+def test_a_route_is_drawn_from_where_it_begins():
+    route = {"waypoints": ROUTE, "active": 0, "radius": 10.0}
+    without, whole = (draw(scene(target=Target(**route, start=start))) for start in (None, dive()[0]))
+    assert (without != whole).any()
+    with pytest.raises(ValueError, match="start needs 3 finite numbers"):
+        Target(**route, start=np.array([0.0, np.nan, 1.0]))
+
+
+def test_a_long_title_is_written_whole(monkeypatch):
+    title = "StationKeeping   BlueROV2 Heavy, remotely operated vehicle of 0.46 m with eight thrusters"
+    written, write = [], Sheet.text
+
+    def noted(sheet, at, text, *given, **options):
+        written.append(text)
+        return write(sheet, at, text, *given, **options)
+
+    monkeypatch.setattr(Sheet, "text", noted)
+    draw(scene(title=title))
+    assert title in written

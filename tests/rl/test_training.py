@@ -316,3 +316,12 @@ def test_without_stable_baselines_the_error_names_the_extra(monkeypatch, tmp_pat
     monkeypatch.setitem(sys.modules, "stable_baselines3", None)
     with pytest.raises(ImportError, match=r"auv-gym\[rl\]"):
         train(small(), tmp_path / "policy")
+
+
+def test_few_steps_are_said_to_be_few():
+    assert small().remarks == ()
+    rounded, unchanged = small(
+        steps=10, hyperparameters={"imitate": {"controller": "pid", "episodes": 2, "value_steps": 64}}
+    ).remarks
+    assert "training takes 64 steps instead of 10" in rounded
+    assert "The policy will be the imitated controller (pid) unchanged: in the first 64 steps" in unchanged

@@ -10,7 +10,7 @@ import numpy as np
 from auv_gym.models.linear.kinds import KINDS
 from auv_gym.models.linear.state_space import StateSpace
 from auv_gym.param import did_you_mean
-from auv_gym.plant import Plant, without_effects
+from auv_gym.plant import Plant, check_vehicle, without_effects
 
 
 def linearise(
@@ -38,6 +38,7 @@ def linearise(
         >>> linearise(load_vehicle("slocum"), dt=1.0).poles().round(3)
         array([1.   , 0.951])
     """
+    check_vehicle("linearise", plant)
     family, kind = plant.family, KINDS.of(plant.family)
     moves = kind.moves(plant)
     clean = replace(without_effects(plant), dt=plant.dt if dt is None else float(dt))

@@ -98,8 +98,9 @@ class _Slot:
 def _composed(parts: tuple[Part, ...]) -> Family:
     body = Body(parts)
     commands = tuple(part_.channel(i) for part_, i, _ in body.commands)
-    for part_, i, _ in body.commands:
-        declare_input(part_.channel(i), part_.title)
+    for part_, i, command in body.commands:
+        several = len(part_.found.commands) > 1
+        declare_input(part_.channel(i), f"{command.quantity} of the {part_.title}" if several else part_.title)
     shared: dict[str, str] = {}
     for part_ in parts:
         for channel, parameter in part_.found.shared.items():

@@ -88,7 +88,7 @@ class Command:
     to the lowest and highest command, in the channel's unit.  rest: the parameter with the resting command; without
     one, it rests at `idle`.  required: whether a record must have it; a missing optional input is at rest.  design: the
     parameter with the command at the design speed.  inside: what it moves inside the hull: the displaced volume, or a
-    mass that slides or turns.
+    mass that slides or turns.  quantity: what it sets of a part with several commands, such as the angle.
     """
 
     suffix: str
@@ -100,6 +100,7 @@ class Command:
     channel: str = ""
     idle: float = 0.0
     inside: Inside = ""
+    quantity: str = ""
 
 
 class Sketch(NamedTuple):

@@ -50,7 +50,8 @@ class Vehicle(Table):
     @model_validator(mode="after")
     def _one_source(self) -> Vehicle:
         if (self.preset is None) == (self.file is None):
-            raise ValueError("needs either preset or file, got both or none")
+            got = "none" if self.preset is None else "both"
+            raise ValueError(f"needs either preset or file, got {got}")
         return self
 
 

@@ -14,6 +14,7 @@ from typing import Any, final
 from auv_gym.writing import replacing
 from identification.campaign.file.plan import PlannedRun, plan
 from identification.campaign.file.settings import Campaign
+from identification.campaign.fits import check_fits
 from identification.campaign.index import (
     RUNS,
     Row,
@@ -81,6 +82,7 @@ def conduct(
         kept = sum(row.finished for row in rows.values())
         todo = [run for run in runs if not rows[run.id].finished]
         _check(todo, campaign, lambda k, n: progress(kept, len(runs), 0, f"checking {k} of {n}"))
+        check_fits(campaign, runs)
         # reserve space for the index, which must be able to report a full disk
         with replacing(out / _RESERVE) as reserve:
             reserve.write_bytes(b"\0" * (_ROW_SIZE * (len(runs) + 8)))

@@ -27,7 +27,7 @@ from identification.campaign.file.settings import (
     RunSettings,
     Vehicle,
 )
-from identification.experiments.driving import checked_steps, commanded
+from identification.experiments.driving import check_followed, checked_steps, commanded
 from identification.experiments.excitation import SIGNALS, make_signal
 
 _OPTIONS = {  # keys of the file, by the environments' option names
@@ -112,6 +112,10 @@ def check_campaign_run(settings: RunSettings, folder: Path) -> None:
             checked_steps(name, steps)
         env = make_env(settings, folder)
         controller = make_campaign_controller(settings, env, folder)
+        try:
+            check_followed(controller, settings.experiment.targets)
+        except ValueError as error:
+            raise ValueError(f"experiment.targets: {error}") from None
         _, info = env.reset(seed=settings.seed)
         inner: Any = env.unwrapped
         target = dict(info["target"]) | {n: s[0][1] for n, s in settings.experiment.steps.items()}

@@ -23,7 +23,7 @@ from auv_gym.compiled import bind
 from auv_gym.physics.frames import compiled_euler_rates, quaternion_of
 from auv_gym.plant import Plant
 from auv_gym.plant.rollout import scratch_for
-from auv_gym.records.record import Record
+from auv_gym.records.record import Record, records_of
 from auv_gym.vehicles import Family
 from auv_gym.vehicles.body.learned_hull import VELOCITIES, LearnedHull, trend_terms
 from identification.kernel_machines.hull.smoothing import Smoothness, smoothed, smoothness_of
@@ -207,8 +207,7 @@ def _check_plant(plant: Plant) -> None:
 
 
 def _runs(plant: Plant, records: Sequence[Record]) -> list[_Run]:
-    if not records:
-        raise ValueError("The forces on a hull need at least one record, got none.")
+    records = records_of("HullLsSvm.fit", records)
     optional = [name for name in plant.inputs if name in plant.constants]
     if len({tuple(record.has(name) for name in optional) for record in records}) > 1:
         raise ValueError(f"The records must have {', '.join(optional)} all or none: leave it out with record.without.")

@@ -19,6 +19,7 @@ from identification.kernel_machines.narx.narx_rows import Rows, run_errors
 from identification.kernel_machines.narx.narx_tuning import Bells, Choice, best_in_free_runs, narx
 from identification.kernel_machines.regression import LsSvmRegression
 from identification.kernel_machines.tuning.tuning import descend_each
+from identification.linear.polynomials.structure import check_channels
 from identification.linear.regressors import SAMPLES_PER_COEFFICIENT, Series
 from identification.linear.scaled import Scaled
 
@@ -77,6 +78,7 @@ class NarxLsSvm:
     samples: int = 400
 
     def __post_init__(self) -> None:
+        check_channels("NarxLsSvm", self.inputs, self.outputs)
         try:
             _ = self.lags
         except ValueError as error:

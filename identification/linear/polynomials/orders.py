@@ -12,7 +12,7 @@ import numpy as np
 
 from auv_gym.model import Diverged
 from auv_gym.param import did_you_mean
-from auv_gym.records.record import Record, concat
+from auv_gym.records.record import Record, concat, records_of
 from identification.compare.comparison import compare_open
 from identification.estimator import Estimator, Method, list_methods, make_estimator
 from identification.linear.polynomials.arx import Arx
@@ -192,8 +192,8 @@ def search_orders(
         >>> best.n_a, best.n_b[0]
         (3, 2)
     """
-    if not records:
-        raise ValueError("An order search needs at least one record, got none.")
+    records = records_of("An order search", records)
+    validate = records_of("validate", validate) if validate else ()
     if not 0.0 <= tolerance < float("inf"):
         raise ValueError(f"An order search needs a tolerance from 0, such as {TOLERANCE}, got {tolerance!r}.")
     check_criterion(criterion)

@@ -196,6 +196,8 @@ class ByOrders:
     def orders(self) -> Structure:
         """The equations for these settings."""
         asked: Any = self
+        if not isinstance(asked.offset, bool):
+            raise ValueError(f"{type(self).__name__} needs offset to be True or False, got {asked.offset!r}.")
         return Structure.of(
             type(self).__name__,
             asked.inputs,

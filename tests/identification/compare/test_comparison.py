@@ -17,6 +17,7 @@ from controllers.pid import heading_pid
 from identification.compare.comparison import compare_closed, compare_open, fitted_starts, horizon_sweep, stand_in
 from identification.experiments.excitation import prbs
 from identification.experiments.heading_control import closed_loop
+from identification.linear.polynomials.arx import Arx
 from identification.recursive.diving_model import DivingModel
 from tests.identification.linear.known_systems import INPUTS, OUTPUTS, TRUTH, record_of
 
@@ -189,6 +190,29 @@ def test_models_in_the_vehicle_s_place_under_the_same_controller():
     time, difference = found.difference("slow", "heading_rad")
     assert time.size == difference.size == len(found.vehicle.record)
     assert "dt=" in found.failed["late"]
+
+
+def test_an_environment_that_ignores_its_model_is_refused():
+    plant = make_env().unwrapped.plant
+    slow = replace_at(plant, "hull.n_delta", 0.6 * plant.hull.n_delta)
+    with pytest.raises(ValueError, match="make_env needs to put the model that it is given into the environment"):
+        compare_closed(lambda model: make_env(), heading_pid(plant), {"slow": slow}, seed=4)
+
+
+def test_a_fit_is_no_model():
+    plant = load_vehicle("slocum")
+    log = closed_loop(plant, rng=np.random.default_rng(0))
+    fit = Arx(["rudder_rad"], ["heading_rad"]).fit(log)
+    for compare in (
+        lambda: compare_open({"a": fit}, log),
+        lambda: compare_closed(make_env, heading_pid(plant), {"a": fit}, seed=4),
+    ):
+        with pytest.raises(
+            ValueError, match=r"A comparison with 'a' needs a model, .*: give the fit's model, fit.model"
+        ):
+            compare()
+    with pytest.raises(ValueError, match="horizon_sweep needs a list of horizons of at least 1 sample, got 1"):
+        horizon_sweep(plant, log, 1)
 
 
 def test_a_model_of_some_channels_is_spliced_into_the_vehicle():

@@ -50,6 +50,8 @@ def test_a_sensor_keeps_the_noise_of_the_vehicle():
 def test_what_cannot_be_steered_is_refused():
     with pytest.raises(ValueError, match="six degrees of freedom"):
         steer(load_vehicle("slocum"), rng=np.random.default_rng(0))
+    with pytest.raises(ValueError, match="duration needs a number above 0"):
+        steer(load_vehicle("remus100"), rng=np.random.default_rng(0), duration=-1.0)
     sinking = replace_at(load_vehicle("remus100"), "effects.load.net_buoyancy", -60.0)
     with pytest.raises(ValueError, match="was cut short"):
         steer(sinking, rng=np.random.default_rng(0), duration=300.0)

@@ -8,7 +8,8 @@ import pytest
 import auv_gym.envs  # noqa: F401  (registers)
 from auv_gym.channels import channel, set_point_of, truth_of
 from auv_gym.model import simulate
-from controllers.pid import float_depth_pid, heading_pid
+from auv_gym.plant import load_vehicle
+from controllers.pid import Pid, float_depth_pid, heading_pid
 from identification.experiments.driving import checked_steps, commanded, drive, versions_used
 
 
@@ -111,6 +112,16 @@ def test_a_cut_episode_keeps_its_rows_and_says_why():
     assert np.isfinite(run.record["depth_m"]).all()
     assert run.record.time[-1] < 299.0
     assert float(run.record.time[-1]) == run.truth.time[-1]
+
+
+def test_a_controller_that_does_not_match_the_environment_is_said():
+    slocum = heading_pid(load_vehicle("slocum"))
+    with pytest.raises(ValueError, match=r"does not follow a target of 'depth_m'.*It follows heading_rad"):
+        drive(made("GliderHeading"), slocum, seed=1, targets={"depth_m": [(0.0, 5.0)]})
+    with pytest.raises(ValueError, match="The controller needs 'depth_m', which is not among the readings"):
+        drive(made("GliderHeading"), Pid(1.0, measured="depth_m"), seed=1)
+    with pytest.raises(ValueError, match=r"drives environments of auv_gym, .*, got CartPoleEnv"):
+        drive(gymnasium.make("CartPole-v1"), slocum, seed=1)
 
 
 def test_what_does_not_fit_is_said():

@@ -35,7 +35,7 @@ def test_prbs_depends_on_the_generator_only():
 
 @pytest.mark.parametrize("n, hold", [(0, 1), (5, 0)])
 def test_prbs_refuses_what_it_cannot_make(n, hold):
-    with pytest.raises(ValueError, match="n >= 1 and hold >= 1"):
+    with pytest.raises(ValueError, match="needs a whole number of at least 1"):
         prbs(n, hold, 1.0, np.random.default_rng(0))
 
 

@@ -113,6 +113,22 @@ def test_what_cannot_be_run_is_refused():
         record_of(unstable, duration=50_000.0)
 
 
+@pytest.mark.parametrize(
+    "settings, words",
+    [
+        ({"speed": 0.0}, "speed needs a number above 0"),
+        ({"speed": 1e6}, "speed needs a number above 0 and of at most"),
+        ({"compass_noise": -1.0}, "compass_noise needs a number of at least 0"),
+        ({"gyro_noise": -1.0}, "gyro_noise needs a number of at least 0"),
+        ({"run_in": -3.0}, "run_in needs a number of at least 0"),
+        ({"rng": 7}, r"needs rng as a generator, got 7: give numpy.random.default_rng\(7\)"),
+    ],
+)
+def test_impossible_settings_are_refused(settings, words):
+    with pytest.raises(ValueError, match=words):
+        closed_loop(load_vehicle("slocum"), **{"rng": np.random.default_rng(0), **settings})
+
+
 def test_the_run_in_is_cut_off():
     plant = load_vehicle("slocum")
     whole = record_of(plant, duration=640.0)

@@ -170,3 +170,5 @@ def test_weights_and_rows_are_checked():
     machine = LsSvmRegression().fit(X, Y)
     with pytest.raises(ValueError, match="rows of 3 inputs"):
         machine(X[0])
+    with pytest.raises(ValueError, match=r"finite inputs, got .* in row 1"):
+        machine(np.where(X[1, 2] == X, np.nan, X))

@@ -126,11 +126,13 @@ def test_its_free_runs_of_the_lake_float_are_the_best():
 @pytest.mark.parametrize(
     "settings, words",
     [
-        ({"lag": -1}, "0 <= lag"),
+        ({"lag": -1}, "lag needs a whole number of at least 0"),
+        ({"lag": 2.5}, "lag needs a whole number"),
+        ({"known": "unity"}, r"needs a list of names, got the text 'unity'"),
         ({"initial": (0.9, 0.0, 0.0, 0.0, 0.0, 0.0)}, "unity at 1"),
         ({"memory": 0.0}, "memory > 0"),
         ({"slowest": 0.5}, "fastest < slowest"),
-        ({"passes": 0}, "passes >= 1"),
+        ({"passes": 0}, "passes needs a whole number of at least 1"),
         ({"known": ("mass",)}, "no parameter 'mass'"),
         ({"known": ("damping", "offset", "piston_rate", "piston_square", "piston")}, "leave at least one"),
     ],

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from auv_gym.envs import tasks
 from auv_gym.envs.kernel.body import START
 from auv_gym.envs.kind import ScaledTask
-from auv_gym.envs.options import check_actions, check_number, check_waypoints
+from auv_gym.envs.options import check_actions, check_waypoints
 from auv_gym.envs.tasks import PROPULSION, Task
+from auv_gym.param import check_number
 from auv_gym.plant import Plant
 from auv_gym.plant.cruise import command_limits, command_middles, find_cruise, find_helm
 
@@ -45,7 +46,7 @@ def scale(
     check_number("duration", duration, "s", above=0.0)
     cruise, family = find_cruise(plant), plant.family
     length, speed = plant.hull.length, cruise.speed
-    rate = speed / length
+    rate, deepest = speed / length, tasks.DEPTH_LIMIT * length
     largest = task.current * speed
     helm, limits = find_helm(plant), command_limits(plant)
     stands_for = _channels(plant)
@@ -71,7 +72,8 @@ def scale(
         # if more changes are needed than these shortest times or legs imply, drawn numbers are reused
         shortest=task.hold[0] / rate if task.channel else tasks.LEG[0] * length / (2.0 * speed),
         least_dt=plant.dt,
-        target_limits=tasks.target_limits(length),
+        start_limits=tasks.start_limits(deepest, speed, rate),
+        target_limits=tasks.target_limits(length, speed),
         plan={
             "kept_state": cruise.state,
             "kept_command": cruise.commands,
@@ -84,7 +86,7 @@ def scale(
             "follows_path": not task.channel,
             **tasks.legs_and_limits(length, speed, rate, tasks.PATH_SPEED),
         },
-        tables={"waypoints": check_waypoints(waypoints)},
+        tables={"waypoints": check_waypoints(waypoints, deepest)},
         read_for={name: _HELD[role] for role, name in held.items()},
     )
 

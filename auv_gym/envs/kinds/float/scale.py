@@ -8,8 +8,8 @@ import numpy as np
 
 from auv_gym.envs import tasks
 from auv_gym.envs.kind import ScaledTask
-from auv_gym.envs.options import check_number
 from auv_gym.envs.tasks import ENGINE, Task
+from auv_gym.param import check_number
 from auv_gym.plant import Plant
 from auv_gym.plant.float_engine import find_engine
 
@@ -38,6 +38,7 @@ def scale(
     _check_pair("depths", depths, "(shallowest, deepest) in m, for starts and drawn targets")
     check_number("depths[0]", depths[0], "m", at_least=0.0)
     check_number("depths[1]", depths[1], "m", above=depths[0])
+    deepest, fastest = tasks.DIVE_LIMIT * max(depths[1], target or 0.0), tasks.SPEED_LIMIT * speed
     trim = tasks.DIVE_TRIM * engine.half * engine.volume
     return ScaledTask(
         units={"length": length, "speed": speed, "rate": rate, "deepest": depths[1]},
@@ -47,6 +48,8 @@ def scale(
         middles=np.array([engine.middle]),
         limits=np.array([engine.half]),
         start=family.states,
+        start_limits={"depth_m": (0.0, deepest), "depth_rate_mps": (-fastest, fastest)},
+        target_limits={"depth_m": (0.0, min(deepest, tasks.SEA))},
         randomise={"effects.volume.offset": (-trim, trim)},
         read=(task.channel,),
         driven=(engine.channel,),
@@ -63,8 +66,8 @@ def scale(
             "engine_half": engine.half,
             "engine_rate": engine.rate / engine.half,
             "holds_back": engine.channel != "piston_m",
-            "depth_limit": tasks.DIVE_LIMIT * max(depths[1], target or 0.0),
-            "speed_limit": tasks.SPEED_LIMIT * speed,
+            "depth_limit": deepest,
+            "speed_limit": fastest,
         },
         own_ages=True,
     )

@@ -9,8 +9,9 @@ import numpy as np
 
 from auv_gym.envs import tasks
 from auv_gym.envs.kind import ScaledTask
-from auv_gym.envs.options import check_number, check_waypoints
+from auv_gym.envs.options import check_waypoints
 from auv_gym.envs.tasks import TURNING, Task
+from auv_gym.param import check_number
 from auv_gym.physics.buoyancy import GRAVITY
 from auv_gym.plant import Plant, without_effects
 from auv_gym.plant.flying import STEP, neutral_engine, nominal_flight, steered, turning_input
@@ -65,7 +66,6 @@ def scale(
     }
     ranged["middle"][at], ranged["limit"][at], ranged["action_of"][at] = middles, limits, range(len(at))
     largest = task.current * speed
-    points = check_waypoints(waypoints) * [1.0, 1.0, 0.0]
     return ScaledTask(
         units={"length": length, "speed": speed, "rate": 1.0 / yo, "deepest": bottom},
         duration=duration,
@@ -74,6 +74,7 @@ def scale(
         middles=middles,
         limits=limits,
         start=family.states,
+        start_limits={"depth_m": (0.0, bottom)},
         randomise=dict.fromkeys(("effects.current.north", "effects.current.east"), (-largest, largest)),
         read=("depth_m", "north_m", "east_m", "roll_rad", "pitch_rad", "heading_rad"),
         driven=actions,
@@ -85,5 +86,5 @@ def scale(
             "usual_attack": 0.5 * (abs(down.attack) + abs(up.attack)),
             **ranged,
         },
-        tables={"waypoints": points},
+        tables={"waypoints": check_waypoints(waypoints, 0.0)},
     )

@@ -8,8 +8,9 @@ from math import cos, sin
 from auv_gym.envs import tasks
 from auv_gym.envs.kernel.body import START
 from auv_gym.envs.kind import ScaledTask
-from auv_gym.envs.options import check_number, check_waypoints
+from auv_gym.envs.options import check_waypoints
 from auv_gym.envs.tasks import Task
+from auv_gym.param import check_number
 from auv_gym.plant import Plant, without_effects
 from auv_gym.plant.cruise import command_limits, command_middles
 from auv_gym.plant.gliding import engine_half, find_masses, usual_glide
@@ -61,6 +62,7 @@ def scale(
         middles=middles[moved],
         limits=limits[moved],
         start=START,
+        start_limits=tasks.start_limits(bottom, speed, speed / own),
         randomise=dict.fromkeys(("effects.current.north", "effects.current.east"), (-largest, largest)),
         read=(*(o.source for o in task.observed if o.source in plant.outputs), "north_m", "east_m", "heading_rad"),
         driven=actions,
@@ -77,5 +79,5 @@ def scale(
             "depth_limit": bottom,
             **tasks.yo_plan(length, speed + largest, slowness, pump, pump * bottom * 2.0 * half / yo, hotel),
         },
-        tables={"waypoints": check_waypoints(waypoints) * [1.0, 1.0, 0.0]},
+        tables={"waypoints": check_waypoints(waypoints, 0.0)},
     )  # fmt: skip

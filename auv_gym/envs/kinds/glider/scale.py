@@ -6,9 +6,10 @@ from math import isfinite
 
 import numpy as np
 
+from auv_gym.envs import tasks
 from auv_gym.envs.kind import ScaledTask
-from auv_gym.envs.options import check_number
 from auv_gym.envs.tasks import Task
+from auv_gym.param import check_number
 from auv_gym.plant import Plant, without_effects
 
 
@@ -28,8 +29,12 @@ def scale(
     """
     duration = task.duration if duration is None else duration
     check_number("duration", duration, "s", above=0.0)
-    low, high = (0.0, 0.0) if speed is None else speed if isinstance(speed, tuple | list) else (speed, speed)
+    low = high = 0.0
     if speed is not None:
+        pair = speed if isinstance(speed, tuple | list) else (speed, speed)
+        if len(pair) != 2:
+            raise ValueError(f"speed needs a number or a pair (low, high) in m/s, got {speed!r}.")
+        low, high = pair
         check_number("speed", low, "m/s", above=0.0)
         check_number("speed", high, "m/s", at_least=low)
     if compass_noise is not None:
@@ -43,6 +48,7 @@ def scale(
         middles=np.zeros(1),
         limits=np.array([limit]),
         start=plant.family.states,
+        target_limits={"heading_rad": tasks.HEADINGS},
         effects={} if compass_noise is None else {"effects.sampling.compass.noise": float(compass_noise)},
         read=("heading_rad",),
         driven=("rudder_rad",),

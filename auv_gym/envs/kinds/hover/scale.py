@@ -11,8 +11,9 @@ from auv_gym.envs import tasks
 from auv_gym.envs.kernel.body import START
 from auv_gym.envs.kind import ScaledTask
 from auv_gym.envs.kinds.hover.hooks import LAST
-from auv_gym.envs.options import check_actions, check_number, check_targets, check_waypoints
+from auv_gym.envs.options import check_actions, check_targets, check_waypoints
 from auv_gym.envs.tasks import Observed, Task
+from auv_gym.param import check_number
 from auv_gym.plant import Plant
 from auv_gym.plant.cruise import command_limits, command_middles
 from auv_gym.plant.hover import Hover, find_hover
@@ -55,7 +56,7 @@ def scale(
         fixed["pitch_rad"] = 0.0
     hover, family = find_hover(plant), plant.family
     length, speed = plant.hull.length, hover.speed
-    rate = speed / length
+    rate, deepest = speed / length, tasks.DEPTH_LIMIT * length
     largest = task.current * speed
     middles, limits = command_middles(plant), command_limits(plant)
     chosen = _chosen(actions, plant, hover)
@@ -83,9 +84,10 @@ def scale(
         # two changes per pose, since a pose has more numbers than one change has draws
         shortest=task.hold[0] / rate / 2.0 if task.targets else tasks.LEG[0] * length / (2.0 * speed),
         least_dt=plant.dt,
+        start_limits=tasks.start_limits(deepest, speed, rate),
         target_limits={
             name: span if _CONTROLLED_BY.get(name, "") in ("", *hover.axes) else (0.0, 0.0)
-            for name, span in tasks.target_limits(length).items()
+            for name, span in tasks.target_limits(length, speed).items()
         },
         observed=tuple(
             Observed(f"last_{name}", LAST[k]) if by_wrench else Observed(name, name) for k, name in enumerate(chosen)
@@ -107,7 +109,7 @@ def scale(
             **tasks.legs_and_limits(length, speed, rate, tasks.THRUST_PATH_SPEED),
         },
         tables={
-            "waypoints": check_waypoints(waypoints),
+            "waypoints": check_waypoints(waypoints, deepest),
             "thrusters": rows,
             "curves": hover.thrusters.curves.reshape(-1, 2),
         },

@@ -149,7 +149,7 @@ def test_what_cannot_be_is_found_before_anything_runs(campaign, tmp_path, monkey
         (
             "duration_s = 80.0",
             "duration_s = 80.0\nnear = [1.0, 2.0]",
-            "and speed and compass_noise, got 'near'",
+            "has no option 'near' for slocum",
         ),
         ("rudder.offset", "ruder.offset", "No parameter 'effects.ruder.offset'"),
         ("[0.0, 0.05]", "[0.0, 5.0]", "with vehicle.effects.rudder.offset = 5.0: effects.rudder.offset needs a value"),
@@ -158,6 +158,41 @@ def test_what_cannot_be_is_found_before_anything_runs(campaign, tmp_path, monkey
     for old, new, said in wrong:
         with pytest.raises(ValueError, match=said):
             conduct(changed(campaign, old, new), tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    "old, new, said",
+    [
+        ('"arx"', '"arks"', "fit 'line': No method 'arks'. Methods: "),
+        ("n_a = 2", "na = 2", "fit 'line': Method arx has no setting 'na'"),
+        (
+            '"rudder_rad"]',
+            '"ruder_rad"]',
+            "fit 'line': No run of slocum has a channel 'ruder_rad'. Did you mean 'rudder_rad'",
+        ),
+    ],
+)
+def test_a_fit_that_cannot_be_made_is_found_before_anything_runs(campaign, tmp_path, monkeypatch, old, new, said):
+    monkeypatch.setattr(conducting, "_outcomes", lambda *given: pytest.fail("a run was begun"))
+    fit = """
+[[fit]]
+name = "line"
+method = "arx"
+settings = { n_a = 2 }
+inputs = ["rudder_rad"]
+outputs = ["heading_rad"]
+"""
+    campaign.path.write_text(TEXT + fit.replace(old, new))
+    with pytest.raises(ValueError, match=said):
+        conduct(read_campaign(campaign.path), tmp_path / "out")
+
+
+def test_targets_that_nothing_follows_are_found_before_anything_runs(campaign, tmp_path):
+    lost = changed(campaign, "duration_s = 80.0", "duration_s = 80.0\ntargets = { heading_deg = [[0, 30]] }")
+    with pytest.raises(
+        ValueError, match=r"changed\.toml.*experiment\.targets: .* target of 'heading_deg'. Did you mean"
+    ):
+        conduct(lost, tmp_path / "out")
 
 
 def test_a_zigzag_switches_as_the_vehicle_answers(campaign, tmp_path):
