@@ -48,9 +48,9 @@ class Kind:
     """A kind of vehicle, by the name of its family or, for a hull and its parts, by its kind.
 
     log: makes one of the standard experiment, evenly sampled.  outside: makes one of a vehicle without effects and
-    with one of `causes`, except "clock", whose errors are about `clock_spacing` s apart.  settings: of the standard
-    experiment in the study of single effects.  hidden: effects that no log of the kind can show, and why.  changing:
-    replaces a vehicle whose parameters vary with time.
+    with one of `causes`, except "clock", whose errors are about `clock_spacing` s apart.  changing: replaces a vehicle
+    whose parameters vary with time.  settings: of the standard experiment in the study of single effects.  hidden:
+    effects that no log of the kind can show, and why.
     """
 
     family: str
@@ -58,9 +58,9 @@ class Kind:
     outside: Callable[..., Record]
     causes: tuple[str, ...]
     clock_spacing: float
+    changing: Callable[[Plant, At], Any]
     settings: Callable[[np.random.Generator], dict[str, Any]] = lambda rng: {}
     hidden: Mapping[str, str] = field(default_factory=dict)
-    changing: Callable[[Plant, At], Any] | None = None
 
 
 _ONE_COMMAND = "with one command, its dead time does the same"
@@ -119,9 +119,9 @@ _KINDS = (
         lake_outside,
         ("drag", "side", "tether", "fin", "clock"),
         200.0,
+        ChangingSwim.starting,
         lake_settings,
         _HIDDEN_IN_A_LAKE,
-        ChangingSwim.starting,
     ),
     Kind(
         "float_oil",
@@ -129,9 +129,9 @@ _KINDS = (
         sea_outside,
         ("drag", "tether", "clock"),
         2e4,
+        ChangingSwim.starting,
         dive_settings,
         _HIDDEN_AT_SEA,
-        ChangingSwim.starting,
     ),
     Kind("glide", yo_log, yo_outside, ("layer", "clock"), 1800.0, hidden=_HIDDEN_IN_FLIGHT, changing=ChangingFlight.of),
     Kind(

@@ -193,13 +193,12 @@ def _judged(name: str, record: Record, runs: Mapping[str, np.ndarray], log: str,
     apart = {stage: inf if np.isinf(runs[stage]).any() else _rms(_apart(name, errors[stage], logged)) for stage in runs}
     unit = channel(name).unit
     said = {stage: quantity(v, unit) if np.isfinite(v) else "no stable run" for stage, v in apart.items()}
+    first = "as given" if runs["before"] is runs["given"] else "before"
     if runs["after"] is runs["before"]:
         told = f"{said['given']} as given"
-        told += "" if runs["before"] is runs["given"] else f" and {said['before']} refitted"
+        told += "" if first == "as given" else f" and {said['before']} refitted"
     else:
-        told = (
-            f"{said['before']} {'as given' if runs['before'] is runs['given'] else 'before'} and {said['after']} {last}"
-        )
+        told = f"{said['before']} {first} and {said['after']} {last}"
     words = (
         f"In closed loop, the RMS error of {channel(name).label} was {quantity(_rms(logged), unit)} in {log}. The "
         f"simulated loop differs from the logged one by {told}."
