@@ -372,6 +372,11 @@ def _channel(name: str) -> Channel:
     raise unknown_suffix(name)
 
 
+def unit_after(name: str) -> str:
+    """A channel's unit after a space, to follow a number; "" if it has none."""
+    return f" {channel(name).unit}".removesuffix(" 1")
+
+
 def unit_per(over: str, under: str) -> str:
     """The unit of one channel per unit of another, "1" if they are the same."""
     above, below = channel(over).unit, channel(under).unit

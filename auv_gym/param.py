@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple, TypeVar, get_type_hints
 
@@ -196,6 +196,11 @@ def did_you_mean(word: str, known: Any) -> str:
     """`Did you mean 'slocum'? ` for an error text, or an empty string."""
     close = difflib.get_close_matches(word, list(known), n=3, cutoff=0.6)
     return f"Did you mean {' or '.join(repr(c) for c in close)}? " if close else ""
+
+
+def listed(items: Sequence[str], word: str = "and") -> str:
+    """Items as a list in words: `a, b and c`, or with another conjunction."""
+    return f" {word} ".join([", ".join(items[:-1]), items[-1]]) if len(items) > 1 else "".join(items)
 
 
 def _tree(tree: Any) -> Any:

@@ -57,6 +57,11 @@ def write_json(path: str | os.PathLike, content: Any) -> None:
     write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
+def quoted(text: str) -> str:
+    """A text as a TOML string."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")  # JSON's escapes are TOML's, except for DEL
+
+
 def finite(content: Any) -> Any:
     """Plain data with None in place of numbers that JSON does not have."""
     if isinstance(content, Mapping):

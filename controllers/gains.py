@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -12,7 +11,7 @@ from math import isfinite, log
 from pathlib import Path
 from typing import Any
 
-from auv_gym.writing import write_text
+from auv_gym.writing import quoted, write_text
 
 Loops = Mapping[str, Mapping[str, float]]
 
@@ -113,7 +112,7 @@ def write_gains(entries: Sequence[Gains], path: str | os.PathLike) -> None:
         "",
     ]
     for entry in sorted(entries, key=lambda e: (e.vehicle, e.dt)):
-        lines += ["[[vehicle]]", f"name = {_quoted(entry.vehicle)}"]
+        lines += ["[[vehicle]]", f"name = {quoted(entry.vehicle)}"]
         lines += [f"dt_s = {entry.dt!r}", f"bow_share = {entry.bow_share!r}"]
         for kind, loops in entry.loops.items():
             for loop, settings in loops.items():
@@ -122,7 +121,7 @@ def write_gains(entries: Sequence[Gains], path: str | os.PathLike) -> None:
         if entry.notes:
             lines += ["", "[vehicle.notes]"]
         for kind, notes in entry.notes.items():
-            lines += [f"{kind} = [", *(f"    {_quoted(note)}," for note in notes), "]"]
+            lines += [f"{kind} = [", *(f"    {quoted(note)}," for note in notes), "]"]
         lines.append("")
     write_text(path, "\n".join(lines))
 
@@ -154,11 +153,6 @@ def _text(path: str | os.PathLike) -> str:
         return Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise ValueError(f"it cannot be read ({error})") from None
-
-
-def _quoted(text: str) -> str:
-    """A text as a TOML string."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _names(entries: Sequence[Gains]) -> list[str]:

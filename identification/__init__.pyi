@@ -1,8 +1,5 @@
-from .compare.comparison import (
-    compare_closed as compare_closed,
-    compare_open as compare_open,
-    horizon_sweep as horizon_sweep,
-)
+from .compare.closed_loop import compare_closed as compare_closed
+from .compare.comparison import compare_open as compare_open, horizon_sweep as horizon_sweep
 from .diagnosis import Diagnosis as Diagnosis, diagnose as diagnose, write_diagnosis as write_diagnosis
 from .estimate import Estimate as Estimate
 from .estimator import (
@@ -24,6 +21,7 @@ from .kernel_machines.hull.hull import HullLsSvm as HullLsSvm
 from .kernel_machines.ls_svm import LsSvm as LsSvm
 from .kernel_machines.narx.narx import NarxLsSvm as NarxLsSvm
 from .kernel_machines.regression import LsSvmRegression as LsSvmRegression
+from .linear.poles import pole_intervals as pole_intervals
 from .linear.polynomials.armax import Armax as Armax
 from .linear.polynomials.arx import Arx as Arx
 from .linear.polynomials.els import Els as Els
@@ -31,11 +29,7 @@ from .linear.polynomials.orders import search_orders as search_orders
 from .linear.polynomials.output_error import OutputError as OutputError
 from .linear.subspaces.n4sid import N4sid as N4sid
 from .linear.subspaces.pbsid import Pbsid as Pbsid
-from .linear.uncertainty import (
-    pole_intervals as pole_intervals,
-    response_band as response_band,
-    simulated_band as simulated_band,
-)
+from .linear.uncertainty import response_band as response_band, simulated_band as simulated_band
 from .monitor.monitor import Alarm as Alarm, Monitor as Monitor
 from .monitor.wrapper import Monitored as Monitored
 from .recursive.corrected_ivls import CorrectedIvls as CorrectedIvls

@@ -12,7 +12,7 @@ from math import isfinite
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, Literal, Protocol, Union, get_args, get_origin, get_type_hints, runtime_checkable
 
-from auv_gym.param import did_you_mean
+from auv_gym.param import did_you_mean, listed
 
 if TYPE_CHECKING:
     from auv_gym.model import Model
@@ -377,7 +377,7 @@ def _words(hint: Any) -> str:
     within = get_args(hint)
     if get_origin(hint) in (Literal, Union, UnionType):
         words = [str(one) if get_origin(hint) is Literal else _words(one) for one in within]
-        return f"{', '.join(words[:-1])} or {words[-1]}"
+        return listed(words, "or")
     if within and get_origin(hint) in (list, tuple, Sequence):
         return f"a list of {_several(within[0])}"
     return f"a {_NAMED[hint]}" if hint in _NAMED else {bool: "true or false", NoneType: "none"}.get(hint, hint.__name__)

@@ -1,10 +1,7 @@
 """The physics as plain Python: the same trajectories as compiled, to rounding."""
 
-import os
-import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,9 +12,9 @@ from auv_gym.plant.cruise import command_ranges, find_helm
 from auv_gym.plant.thrusters import find_thrusters
 from auv_gym.records.record import Record
 from auv_gym.vehicles.body.learned_hull import LearnedHull
+from tests.plain_python import run_plain
 from tests.presets import UNCOMPILED
 
-ROOT = Path(__file__).parents[1]
 SAMPLES = {
     "glider": 60,
     "body": 12,
@@ -123,11 +120,7 @@ def trajectory(plant: Plant) -> np.ndarray:
 @pytest.mark.parametrize("which", ["together", pytest.param("alone", marks=pytest.mark.slow)])
 def test_plain_python_agrees_with_compiled_code(which, tmp_path):
     out = tmp_path / "plain.npz"
-    environment = {**os.environ, "AUV_GYM_JIT": "0", "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
-        [sys.executable, __file__, which, str(out)], env=environment, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
+    run_plain(__file__, which, out)
     with np.load(out) as plain:
         assert not plain["numba_imported"]
         for name, plant in PLANTS[which]().items():

@@ -89,7 +89,7 @@ def identify(
         from identification.estimator import make_estimator, notes_of, parse_settings
         from identification.identified import identify as identify_records
         from identification.linear.fit import is_linear
-        from identification.linear.uncertainty import pole_intervals
+        from identification.linear.poles import pole_intervals
         from identification.pages.drawing import require_render
         from identification.pages.linear_tables import order_table, pole_table
         from identification.pages.model_page import (

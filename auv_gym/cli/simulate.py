@@ -12,6 +12,7 @@ from rich.table import Table
 from auv_gym.cli.application import app
 from auv_gym.cli.options import logs
 from auv_gym.cli.options.console import output, table
+from auv_gym.cli.options.environment import effect_of
 from auv_gym.cli.options.numbers import DEPTH, LENGTH, SEED, TIME_STEP, number, whole_number
 from auv_gym.cli.options.outputs import check_output, is_simulated
 
@@ -81,7 +82,7 @@ def simulate(
     from auv_gym.plant import load_vehicle
 
     plant = load_vehicle(vehicle, dt=dt)
-    changes = dict(_effect_of(text) for text in effect or [])
+    changes = dict(effect_of(text) for text in effect or [])
     given = {
         "--duration": duration,
         "--dt": dt,
@@ -145,17 +146,6 @@ def _title(name: str, record: Record) -> str:
     parts, interval = len(record.segments), record.sample_interval
     about = "" if record.is_uniform() else "about "
     return f"{name}, {record.duration_s:g} s{f' in {parts} dives' * (parts > 1)} in samples of {about}{interval:g} s"
-
-
-def _effect_of(text: str) -> tuple[str, float]:
-    path, separator, value = text.partition("=")
-    try:
-        return path.strip(), float(value)
-    except ValueError:
-        got = "no '='" if not separator else f"the value {value!r}"
-        raise ValueError(
-            f"--effect needs PATH=VALUE, such as effects.rudder.offset=0.05, got {got} in {text!r}."
-        ) from None
 
 
 def _check_name(path: Path) -> None:

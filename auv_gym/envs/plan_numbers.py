@@ -33,7 +33,7 @@ class PlanNumbers:
         ranges: Mapping[str, tuple[float, float]],
         by_model: bool,
     ) -> None:
-        self._kind, self._owner, self._scaled, self._ranges = kind, owner, scaled, ranges
+        self._owner, self._scaled, self._ranges = owner, scaled, ranges
         self._layout, self._family, self._by_model = kind.layout, owner.family, by_model
         self._record = np.zeros(1, plan_type(owner.family, kind.layout))
         self._plan: Any = self._record[0]

@@ -2,36 +2,24 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
 
-from auv_gym.channels import channel
+from auv_gym.channels import channel, unit_after
 from auv_gym.model import elapsed_over_gaps
-from auv_gym.param import value_at
+from auv_gym.param import listed, value_at
 from auv_gym.plant import Plant
 from auv_gym.plant.cruise import command_ranges
 from auv_gym.plant.currents import no_currents
-from auv_gym.plant.thrusters import find_thrusters
+from auv_gym.plant.thruster_commands import STILL, TOLERANCE, check_commands, command_remarks
 from auv_gym.records.gliding import glide_attack
-from auv_gym.records.mapping import FULL, Target, command_in
-from auv_gym.records.reading import Needs
 from auv_gym.records.record import Record
+from auv_gym.records.understanding import Needs
 
-_TOLERANCE = 0.05  # of a range; tolerance for readings outside it
 FEW = 0.01  # share of wild readings that are left out; more of them indicate a wrong sign or unit
-_STILL = 1e-3  # of an input's usual size; below this, it does not move
-_MOSTLY = 0.5  # share of commands beyond the thrusters' range from which their unit must be another; and share of a log
-# from which leaving it out is worth a remark
-_COMMAND_UNITS = (  # other units in which commands of thrusters may be logged: words, least, most
-    ("shares from -1 to 1", -1.0, 1.0),
-    ("percent from -100 to 100", -100.0, 100.0),
-    ("pulse lengths less 1500 us", -500.0, 500.0),
-    ("pulse lengths in us", 900.0, 2100.0),
-)
+_MOSTLY = 0.5  # share of a log that is most of it: of values in another unit, of samples left out, or of deep ones
 _TOO_SMALL = {  # for values in a unit that makes them appear this many times too small
     "m3": ((1e6, "m3 in a column of cm3"), (1e3, "m3 in a column of litres")),
     "m": ((1e3, "m in a column of mm"),),
@@ -39,8 +27,6 @@ _TOO_SMALL = {  # for values in a unit that makes them appear this many times to
 _TOO_LARGE = {"rad": (np.rad2deg(1.0), "degrees in a column of radians")}  # and this many times too large
 _USED = 0.1  # share of its range through which an actuator moves in a log, at least; less may be noise
 _RESOLVED = 1e-5  # of its range; a sensor of 16 bits cannot resolve less
-_FEEBLE = 25.0 / 400.0  # of full command; Blue Robotics' Basic ESC rests from 1475 to 1525 us, of 1100 to 1900 us
-_MOVES = 0.01  # of the distance of its ends; smallest movement of a thruster's command
 DEEP = 10.0  # m; below this, waves and manoeuvres at the surface have no effect
 _AT_SURFACE, _SURFACED = 2.0, 3  # m, and samples above it in a log of a vehicle that surfaces
 _USUAL = {
@@ -87,11 +73,11 @@ def check_ranges(plant: Plant, record: Record, few: float = 0.0) -> None:
             other = f", and whether {plant.name} is the right vehicle"
             looks = next((w for w, v in mended.items() if lowest <= v.min() and v.max() <= highest), other)
             raise ValueError(
-                f"{plant.name} has {channel(name).label} from {least:g} to {most:g}{_unit(name)}; {name} is "
+                f"{plant.name} has {channel(name).label} from {least:g} to {most:g}{unit_after(name)}; {name} is "
                 f"{values[row]:.4g} {where} ({share} are beyond): check the column's sign and unit, throughout the log"
                 f"{looks}."
             )
-    _check_commands(plant, record)
+    check_commands(plant, record)
 
 
 def _check_spans(plant: Plant, record: Record) -> None:
@@ -100,7 +86,7 @@ def _check_spans(plant: Plant, record: Record) -> None:
         values = record[name][np.isfinite(record[name])] if record.has(name) else np.empty(0)
         span, width = float(np.ptp(values)) if values.size else 0.0, most - least
         unit, of = channel(name).unit, f"{channel(name).label} of {plant.name}"
-        lowest, highest = least - _TOLERANCE * width, most + _TOLERANCE * width
+        lowest, highest = least - TOLERANCE * width, most + TOLERANCE * width
         larger, words = _TOO_LARGE.get(unit, (1.0, ""))
         beyond, mended = (values < lowest) | (values > highest), values / larger
         fits = span / larger >= _USED * width and np.all((lowest <= mended) & (mended <= highest))
@@ -111,7 +97,7 @@ def _check_spans(plant: Plant, record: Record) -> None:
                 "unit in a mapping, or its values in the file."
             )
         for factor, words in _TOO_SMALL.get(unit, ()):
-            fills = _USED * width <= factor * span <= (1.0 + 2.0 * _TOLERANCE) * width
+            fills = _USED * width <= factor * span <= (1.0 + 2.0 * TOLERANCE) * width
             # a small signal may be noise at rest, unless it is finer than any sensor, or rests at zero only
             if fills and (
                 span < _RESOLVED * width or (lowest <= factor * values.min() and factor * values.max() <= highest)
@@ -142,7 +128,7 @@ def _ranges(plant: Plant, record: Record) -> dict[str, tuple[float, float, float
     for name, edges in plant.family.ranges.items():
         if record.has(name):
             least, most = (value_at(plant, edge) if isinstance(edge, str) else edge for edge in edges)
-            slack = _TOLERANCE * (most - least) if np.isfinite(most - least) else 0.0
+            slack = TOLERANCE * (most - least) if np.isfinite(most - least) else 0.0
             found[name] = least, most, slack, (record[name] < least - slack) | (record[name] > most + slack)
     return found
 
@@ -150,7 +136,7 @@ def _ranges(plant: Plant, record: Record) -> dict[str, tuple[float, float, float
 def _wild(plant: Plant, record: Record) -> dict[str, np.ndarray]:
     """Masks of the few readings that are beyond their channel's range, by their description."""
     return {
-        f"where {name} is beyond {least:g} to {most:g}{_unit(name)}": mask
+        f"where {name} is beyond {least:g} to {most:g}{unit_after(name)}": mask
         for name, (least, most, _, mask) in _ranges(plant, record).items()
         if 0.0 < mask.mean() <= FEW
     }
@@ -173,17 +159,6 @@ def commanded(plant: Plant, record: Record) -> Record:
     """The samples in which all inputs of a record are known; a diagnosis also leaves out those before."""
     known = np.isfinite(record.matrix([name for name in plant.inputs if record.has(name)])).all(axis=1)
     return record.select(known) if known.any() else record
-
-
-def moving_commands(record: Record) -> list[str]:
-    """The commands of thrusters that move in a record, in any unit."""
-    found = []
-    for name in record.names:
-        if re.fullmatch(rf"t\d+_({'|'.join(FULL)})", name):
-            low, high = FULL[name.rpartition("_")[2]]
-            values = record[name][np.isfinite(record[name])]
-            found += [name] if values.size and np.ptp(values) > _MOVES * (high - low) else []
-    return found
 
 
 def surfaces(plant: Plant, record: Record) -> bool:
@@ -211,127 +186,6 @@ def wrong_for(plant: Plant, record: Record) -> list[str]:
     return [*([left_out] if left_out else []), *command_remarks(plant, record)]
 
 
-def _check_commands(plant: Plant, record: Record) -> None:
-    """Raise if thruster commands are in another unit: those that are not at rest are mostly out of range."""
-    rows = _thruster_commands(plant, record)
-    moved = np.concatenate([np.empty(0), *(row.beyond[row.values != row.ends[1]] for row in rows)])
-    if moved.sum() <= _MOSTLY * moved.size:
-        return
-    least, most = min(row.values.min() for row in rows), max(row.values.max() for row in rows)
-    low, idle, high = rows[0].ends
-    looks = next((words for words, a, b in _COMMAND_UNITS if a <= least and most <= b), "")
-    raise ValueError(
-        f"{plant.name} takes commands of {low:g} to {high:g}{rows[0].unit}, and rests at {idle:g}; those of this log "
-        f"({_listed([row.name for row in rows])}) go from {least:.4g} to {most:.4g}: "
-        f"{f'they look like {looks}' if looks else 'check their unit'}. Convert them, so that {low:g} is full "
-        f"thrust astern and {high:g} full thrust ahead."
-    )
-
-
-def command_remarks(plant: Plant, record: Record) -> list[str]:
-    """Remarks on thrusters that a log moves beyond their range or not at all, and on commands without a thruster."""
-    rows = _thruster_commands(plant, record)
-    if not rows:
-        return []
-    lines = []
-    for row in rows:
-        low, _, high = row.ends
-        if row.beyond.any():
-            lines.append(
-                f"{row.name} goes from {row.values.min():.4g} to {row.values.max():.4g}{row.unit}, but its thruster "
-                f"takes {low:g} to {high:g}. Beyond this range ({np.sum(row.beyond)} of {row.values.size} samples), "
-                "the thrust at its end is assumed: check whether these samples are errors of the log."
-            )
-    still = [row for row in rows if row.still]
-    if still and len(still) < len(rows):
-        many = len(still) > 1
-        lines.append(
-            f"{_listed([row.name for row in still])} {'do' if many else 'does'} not move. This log shows nothing "
-            f"about {'their' if many else 'its'} gain, dead zone, lag, place or direction."
-        )
-    strongest = max(row.strongest for row in rows)
-    if 0.0 < strongest <= _FEEBLE:
-        lines.append(
-            f"No thruster is commanded more than {100.0 * strongest:.2g} % of its full thrust, which may be within its "
-            "dead zone. Such a log shows little of a vehicle: use one in which it moves."
-        )
-    ending = rows[0].name.rpartition("_")[2]
-    extra = [n for n in record.names if re.fullmatch(rf"[a-z]+\d+_{ending}", n) and n not in plant.inputs]
-    if extra:
-        lines.append(
-            f"{plant.name} has {len(rows)} thrusters ({_listed([row.name for row in rows])}), and the log also has "
-            f"{_listed(extra)}, which is not used. If the vehicle has more thrusters, add them to a vehicle file."
-        )
-    return lines
-
-
-def convertible_commands(plant: Plant, names: Collection[str]) -> dict[str, Target]:
-    """Conversions for the channels of a log that hold thruster commands in another unit than the vehicle's.
-
-    Full thrust astern and ahead is -1 and 1 in shares, -100 and 100 in percent, and 1100 and 1900 in pulses in us.
-    """
-    found = {}
-    for part in plant.family.body.thrusters if plant.family.body else ():
-        wanted = part.channel(0)
-        stem, _, ending = wanted.rpartition("_")
-        given = next((other for other in FULL if f"{stem}_{other}" in names), ending)
-        target = command_in(wanted, given)
-        if wanted not in names and given != ending and target is not None:
-            found[f"{stem}_{given}"] = target
-    return found
-
-
-@dataclass(frozen=True, eq=False)
-class _Commands:
-    """The logged commands of a thruster; ends: its lowest, resting and highest command."""
-
-    name: str
-    values: np.ndarray
-    ends: tuple[float, float, float]
-
-    @property
-    def unit(self) -> str:
-        return _unit(self.name)
-
-    @property
-    def beyond(self) -> np.ndarray:
-        low, _, high = self.ends
-        slack = _TOLERANCE * (high - low)
-        return (self.values < low - slack) | (self.values > high + slack)
-
-    @property
-    def strongest(self) -> float:
-        """The command furthest from rest, as a share of full thrust."""
-        low, idle, high = self.ends
-        shares = (self.values - idle) / np.where(self.values < idle, idle - low, high - idle)
-        return float(np.abs(shares).max(initial=0.0))
-
-    @property
-    def still(self) -> bool:
-        low, _, high = self.ends
-        return bool(np.ptp(self.values) < _STILL * (high - low))
-
-
-def _thruster_commands(plant: Plant, record: Record) -> list[_Commands]:
-    """The commands in a record for each thruster of a vehicle."""
-    body = plant.family.body
-    if body is None or not body.thrusters:
-        return []
-    thrusters = find_thrusters(plant)
-    ends = command_ranges(plant)[thrusters.at].tolist()
-    found = [_Commands(n, record[n], tuple(e)) for n, e in zip(thrusters.channels, ends, strict=True) if record.has(n)]
-    return [replace(row, values=row.values[np.isfinite(row.values)]) for row in found]
-
-
-def _unit(name: str) -> str:
-    """A channel's unit after a space; '' if it has none."""
-    return f" {channel(name).unit}".removesuffix(" 1")
-
-
-def _listed(names: Sequence[str]) -> str:
-    return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]
-
-
 def check_commanded(plant: Plant, called: str = "") -> None:
     """Raise ValueError if a vehicle has no actuator, so that no log can be compared with it.
 
@@ -356,7 +210,7 @@ def check_excitation(plant: Plant, record: Record) -> None:
         )
     for name in moving:
         signal = record[name]
-        if np.ptp(signal) < _STILL * max(abs(float(signal.mean())), _USUAL.get(name, 1.0)):
+        if np.ptp(signal) < STILL * max(abs(float(signal.mean())), _USUAL.get(name, 1.0)):
             unit = channel(name).unit.removeprefix("1")
             still.append(f"{name} is constant at {float(signal[0]):.4g}{f' ({unit})' if unit else ''}")
     if len(still) == len(moving):
@@ -364,9 +218,9 @@ def check_excitation(plant: Plant, record: Record) -> None:
     leading = plant.family.leading
     if plant.family.required and record.has(leading) and np.ptp(record[leading]) == 0.0:
         raise ValueError(
-            f"{leading} is constant at {float(record[leading][0]):.4g}{_unit(leading)} in all {len(record):,} samples, "
-            "although the inputs move: its sensor is stuck, or the column holds something else. Map another column, or "
-            "use another log."
+            f"{leading} is constant at {float(record[leading][0]):.4g}{unit_after(leading)} in all "
+            f"{len(record):,} samples, although the inputs move: its sensor is stuck, or the column holds something "
+            "else. Map another column, or use another log."
         )
 
 
@@ -378,7 +232,8 @@ def described(plant: Plant, record: Record) -> Record:
     change are left out, too, see `_never_read`.  Raises ValueError if nothing is left.
     """
     lines = [
-        f"The log has no {channel(name).label} ({name}): {plant.constants[name]:g}{_unit(name)} is assumed throughout."
+        f"The log has no {channel(name).label} ({name}): {plant.constants[name]:g}{unit_after(name)} is assumed "
+        "throughout."
         for name in plant.family.assumed
         if not record.has(name)
     ]
@@ -395,7 +250,7 @@ def described(plant: Plant, record: Record) -> Record:
     kept = record.select(~left_out) if left_out.any() else record
     if still := _never_read(plant, kept):
         lines.append(
-            f"{_listed(still)} {'never changes' if len(still) == 1 else 'never change'}, as no sensor's readings do: "
+            f"{listed(still)} {'never changes' if len(still) == 1 else 'never change'}, as no sensor's readings do: "
             f"{'it is' if len(still) == 1 else 'they are'} left out."
         )
         kept = kept.without(still)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import tomllib
 import warnings
@@ -20,7 +19,7 @@ from auv_gym.presets import find_vehicle, list_preset_headings
 from auv_gym.vehicles import FAMILIES, FAMILY_NAMES
 from auv_gym.vehicles.body.files import parse_part_tables, parts_text
 from auv_gym.vehicles.former import convert_former_vehicle
-from auv_gym.writing import check_ending, write_text
+from auv_gym.writing import check_ending, quoted, write_text
 
 _FILE_KEYS = (
     "family", "name", "title", "description", "fitted_to", "dt_s", "longest_step_s", "window_s", "settle_s",
@@ -79,10 +78,10 @@ def vehicle_text(plant: Plant, notes: Mapping[str, str] | None = None) -> str:
     notes = {**plant.notes, **(notes or {})}
     lines = [
         f'family = "{plant.family.name}"',
-        f"name = {_quoted(plant.name)}",
-        f"title = {_quoted(plant.title)}",
-        f"description = {_quoted(plant.description)}",
-        *([f"fitted_to = {_quoted(plant.fitted_to)}"] if plant.fitted_to else []),
+        f"name = {quoted(plant.name)}",
+        f"title = {quoted(plant.title)}",
+        f"description = {quoted(plant.description)}",
+        *([f"fitted_to = {quoted(plant.fitted_to)}"] if plant.fitted_to else []),
         f"dt_s = {float(plant.dt)!r}",
         f"longest_step_s = {float(plant.longest_step)!r}",
         f"window_s = {float(plant.window)!r}",
@@ -101,7 +100,7 @@ def vehicle_text(plant: Plant, notes: Mapping[str, str] | None = None) -> str:
             table = head
             lines += ["", f"[{table}]", *said.pop(table, ())]
         more = f", deviation = {float(plant.deviations[parameter])!r}" if stated else ""
-        more += f", source = {_quoted(notes[parameter])}" if parameter in notes else ""
+        more += f", source = {quoted(notes[parameter])}" if parameter in notes else ""
         lines.append(f'{key} = {{ value = {value!r}, unit = "{spec.unit}"{more} }}')
     return "\n".join(lines) + "\n"
 
@@ -109,10 +108,6 @@ def vehicle_text(plant: Plant, notes: Mapping[str, str] | None = None) -> str:
 def vehicle_of_text(text: str, origin: str) -> Plant:
     """The plant of a vehicle file's text; raises an error that says what is wrong, by key."""
     return _parse(text, origin)
-
-
-def _quoted(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")  # JSON's escapes are TOML's, except for DEL
 
 
 def _parse(text: str, origin: str) -> Plant:

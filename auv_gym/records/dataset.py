@@ -1,14 +1,16 @@
-"""The dataset behind a record: markers and attributes, required content, and selection of samples."""
+"""The dataset behind a record: made of arrays or read from a file, checked, and cut to a selection of samples."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from auv_gym.channels import CHANNELS, channel
-from auv_gym.records.time_axis import check_time, numbered
+from auv_gym.records.mending import check_runs, missing_samples, on_dropped, repaired
+from auv_gym.records.time_axis import check_time, numbered, slices
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -42,6 +44,73 @@ def vector(name: str, values: Any, size: int | None) -> np.ndarray:
         wanted = f"({size},)" if size is not None else "(n,)"
         raise ValueError(f"Channel {name!r} needs one value per sample, shape {wanted}, got shape {column.shape}.")
     return column
+
+
+def checked_mask(needed: str, mask: Any, size: int, hint: str = "") -> np.ndarray:
+    """A mask of samples as an array, (size,); for anything else, ValueError that begins with what is needed."""
+    mask = np.asarray(mask)
+    if mask.dtype != bool or mask.shape != (size,):
+        raise ValueError(f"{needed}, shape ({size},), got {mask.dtype} of shape {mask.shape}{hint}.")
+    return mask
+
+
+def common_attrs(variables: Sequence[xr.DataArray]) -> dict[str, Any]:
+    """The attributes of a channel over several datasets: fill counts are summed, and the longest interval is used."""
+    found = dict(variables[0].attrs)
+    intervals = [float(variable.attrs[INTERVAL]) for variable in variables if INTERVAL in variable.attrs]
+    if intervals:
+        found[INTERVAL] = max(intervals)
+    filled = sum(int(variable.attrs.get("filled", 0)) for variable in variables)
+    return {**found, "filled": filled} if filled else found
+
+
+def dataset_of_arrays(
+    time_s: Any,
+    values: Mapping[str, Any],
+    segment: Any,
+    attrs: Mapping[str, Any],
+    max_fill: int,
+    long_runs: str,
+    required: Collection[str] | None,
+    notes: Sequence[str],
+    unread: Mapping[str, np.ndarray],
+) -> xr.Dataset:
+    """The dataset of equally long arrays, with missing values filled or dropped as `Record.from_arrays` describes."""
+    time = vector("time_s", time_s, None)
+    columns = {name: vector(name, column, time.size) for name, column in values.items()}
+    ids, labels = numbered(segment, time.size)
+    check_time(time, ids)
+    parts = slices(ids)
+    variables: dict[str, Any] = {}
+    marks: dict[str, Any] = {}
+    for name, column in columns.items():
+        known, finite = channel(name), np.isfinite(column)
+        if known.needed and time.size and not finite.any() and (required is None or name in required):
+            raise ValueError(
+                f"Channel {name!r} has no value in any of its {time.size} samples: leave it out, or check the log."
+            )
+        mended = np.where(finite, column, np.nan)
+        for part in parts:
+            mended[part] = repaired(time[part], mended[part], known.angle, known.held, max_fill)
+        filled = np.isfinite(mended) & ~finite
+        variables[name] = ("time_s", mended, {"filled": int(filled.sum())} if filled.any() else {})
+        between = filled | unread[name] if name in unread else filled
+        if between.any() and not known.held:
+            marks[name] = ("time_s", between)
+    missing, costly = missing_samples(variables, time.size, required)
+    for name in costly:
+        del variables[name]
+    if long_runs == "raise":
+        for name, (_, mended, _) in variables.items():
+            if channel(name).needed:
+                check_runs(name, time, mended, max_fill)
+    if required is not None:
+        notes = [*notes, *costly.values(), *on_dropped(variables, missing)]
+    variables |= {name + UNREAD: mark for name, mark in marks.items() if name in variables}
+    variables["segment"] = ("time_s", ids)
+    kept = {NOTES: list(notes)} if notes else {}
+    dataset = dataset_of(variables, time, {**attrs, **kept, LABELS: labels})
+    return selected(dataset, ~missing, None if missing.any() else "")
 
 
 def selected(dataset: xr.Dataset, mask: np.ndarray, note: str | None, breaks: np.ndarray | None = None) -> xr.Dataset:
@@ -121,3 +190,18 @@ def checked(dataset: xr.Dataset) -> xr.Dataset:
     variables["segment"] = ("time_s", ids, {"long_name": "segment"})
     coordinate = ("time_s", time, {"units": "s", "long_name": CHANNELS["time_s"].label})
     return dataset_of(variables, coordinate, {**dataset.attrs, LABELS: labels})
+
+
+def saved_dataset(path: str | Path) -> xr.Dataset:
+    """The dataset in a file that `Record.save` wrote; raises ValueError for any other file."""
+    if not Path(path).is_file():
+        raise ValueError(f"There is no file {path}: give the path of a record that Record.save wrote.")
+    try:
+        import xarray as xr
+
+        dataset = xr.load_dataset(path, engine="h5netcdf", decode_times=False)
+    except Exception as error:  # a damaged file may raise almost anything
+        raise ValueError(f"{path} is not a NetCDF record, or is cut short ({error}): save it again.") from error
+    if LABELS not in dataset.attrs or "time_s" not in dataset:
+        raise ValueError(f"{path} was not written by Record.save: read it with read_record.")
+    return dataset

@@ -16,10 +16,11 @@ from auv_gym.records.formats import format_of
 from auv_gym.records.log import Column, Group, Log, Scope
 from auv_gym.records.mapping import YOURS, Source, Target, guessed, is_known, load_mapping
 from auv_gym.records.naming import candidates
-from auv_gym.records.reading import Needs, Understood, assembled, command_for, find_log, open_log, understood
+from auv_gym.records.reading import assembled, command_for, find_log, open_log
 from auv_gym.records.record import Record
 from auv_gym.records.suspicions import suspicions
 from auv_gym.records.time_axis import gap_limit
+from auv_gym.records.understanding import Needs, Understood, understood
 
 WHOLE = 8e6  # bytes; a file in a slow format is read whole below this size, and by its index and a sample above it
 SAMPLE = 2000  # samples of each signal, if a file is too large to read completely

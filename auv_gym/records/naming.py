@@ -8,6 +8,8 @@ from difflib import SequenceMatcher
 from itertools import pairwise
 from typing import Final
 
+from auv_gym.param import listed
+
 _OVER_GROUND: Final = ("dvl", "bt")  # bottom track
 # For each channel, words or symbols that other people's names for it contain.
 WORDS: Final[dict[str, tuple[str, ...]]] = {
@@ -100,7 +102,7 @@ def looks_like(channel: str, columns: Iterable[str]) -> str:
     if not found:
         return ""
     verb = "looks" if len(found) == 1 else "look"
-    return f"{' and '.join(filter(None, [', '.join(found[:-1]), found[-1]]))} {verb} like `{channel}`. "
+    return f"{listed(found)} {verb} like `{channel}`. "
 
 
 def _score(word: str, said: set[str], column: str) -> float:

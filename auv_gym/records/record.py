@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, final
 
@@ -20,21 +19,24 @@ from auv_gym.records.dataset import (
     NOTES,
     UNREAD,
     checked,
+    checked_mask,
+    common_attrs,
     dataset_of,
+    dataset_of_arrays,
     is_channel,
+    saved_dataset,
     selected,
     vector,
     without_marks,
 )
 from auv_gym.records.log import FIXES
-from auv_gym.records.mending import MAX_FILL, check_runs, missing_samples, on_dropped, repaired
-from auv_gym.records.time_axis import SAME, at_times, check_time, gap_limit, nearest, numbered, slices
+from auv_gym.records.mending import MAX_FILL
+from auv_gym.records.time_axis import at_times, even_grids, even_windows, gap_limit, nearest, slices
 from auv_gym.writing import check_ending, replacing
 
 if TYPE_CHECKING:
     import xarray as xr
 
-MOST_SAMPLES = 10_000_000  # that resample may make: 80 MB per channel
 RARER = 1.5  # sample intervals between readings; from this ratio on, some samples have no reading
 
 
@@ -90,43 +92,9 @@ class Record:
         of the samples.  notes: lines to keep; lines on what was dropped are added.
         Raises if nothing is left.
         """
-        time = vector("time_s", time_s, None)
-        columns = {name: vector(name, column, time.size) for name, column in values.items()}
-        ids, labels = numbered(segment, time.size)
-        check_time(time, ids)
-        parts = slices(ids)
-        variables: dict[str, Any] = {}
-        marks: dict[str, Any] = {}
-        for name, column in columns.items():
-            known = channel(name)
-            finite = np.isfinite(column)
-            if known.needed and time.size and not finite.any() and (required is None or name in required):
-                raise ValueError(
-                    f"Channel {name!r} has no value in any of its {time.size} samples: leave it out, or check the log."
-                )
-            mended = np.where(finite, column, np.nan)
-            for part in parts:
-                mended[part] = repaired(time[part], mended[part], known.angle, known.held, max_fill)
-            between = np.isfinite(mended) & ~finite
-            filled = int(between.sum())
-            variables[name] = ("time_s", mended, {"filled": filled} if filled else {})
-            if unread is not None and name in unread:
-                between = between | unread[name]
-            if between.any() and not known.held:
-                marks[name + UNREAD] = ("time_s", between)
-        missing, costly = missing_samples(variables, time.size, required)
-        for name in costly:
-            del variables[name]
-        for name, (_, mended, _) in variables.items():
-            if long_runs == "raise" and channel(name).needed:
-                check_runs(name, time, mended, max_fill)
-        if required is not None:
-            notes = [*notes, *costly.values(), *on_dropped(variables, missing)]
-        variables |= {name: mark for name, mark in marks.items() if name.removesuffix(UNREAD) in variables}
-        variables["segment"] = ("time_s", ids)
-        kept = {NOTES: list(notes)} if notes else {}
-        dataset = dataset_of(variables, time, {**(attrs or {}), **kept, LABELS: labels})
-        return cls(selected(dataset, ~missing, None if missing.any() else ""))
+        return cls(
+            dataset_of_arrays(time_s, values, segment, attrs or {}, max_fill, long_runs, required, notes, unread or {})
+        )
 
     @property
     def time(self) -> np.ndarray:
@@ -265,15 +233,12 @@ class Record:
 
     def with_readings(self, held: Mapping[str, Any]) -> Record:
         """The record with these channels' readings marked, (n,); all other values count as filled in."""
-        marks = {name: np.asarray(mask) for name, mask in held.items()}
-        for name, mask in marks.items():
+        marks = {}
+        for name, given in held.items():
             self[name]
-            if mask.dtype != bool or mask.shape != (len(self),):
-                raise ValueError(
-                    f"with_readings needs one boolean per sample of {name!r}, shape ({len(self)},), got {mask.dtype} "
-                    f"of shape {mask.shape}."
-                )
-        return Record(self.dataset.assign({name + UNREAD: ("time_s", ~mask) for name, mask in marks.items()}))
+            mask = checked_mask(f"with_readings needs one boolean per sample of {name!r}", given, len(self))
+            marks[name + UNREAD] = ("time_s", ~mask)
+        return Record(self.dataset.assign(marks))
 
     def without(self, names: Iterable[str]) -> Record:
         """The record without these channels; raises if one is missing."""
@@ -301,12 +266,8 @@ class Record:
 
     def select(self, mask: Any) -> Record:
         """The samples in the mask, shape (n,); segments are cut where it breaks, and single samples dropped."""
-        mask = np.asarray(mask)
-        if mask.dtype != bool or mask.shape != (len(self),):
-            raise ValueError(
-                f"select needs one boolean per sample, shape ({len(self)},), got {mask.dtype} of shape {mask.shape}: "
-                "write record.select(record['depth_m'] > 10)."
-            )
+        hint = ": write record.select(record['depth_m'] > 10)"
+        mask = checked_mask("select needs one boolean per sample", mask, len(self), hint)
         return Record(selected(self.dataset, mask, ""))
 
     def between(self, start: float, stop: float) -> Record:
@@ -340,22 +301,15 @@ class Record:
         """
         if not (dt > 0.0 and np.isfinite(dt)):
             raise ValueError(f"resample needs a positive step in s, got {dt}.")
-        time, grids, origins, kept = self.time, [], [], []
-        samples = self.duration_s / dt
-        if samples > MOST_SAMPLES:
-            raise ValueError(
-                f"Steps of {dt:g} s make {samples:.3g} samples of a record of {self.duration_s:g} s, and resample "
-                f"makes at most {MOST_SAMPLES}: choose a longer step."
-            )
-        for number, part in enumerate(self.segments):
-            length = time[part.stop - 1] - time[part.start]
-            steps = int(np.floor(length / dt + 1e-6))
-            if steps >= 1:
-                grids.append(time[part.start] + dt * np.arange(steps + 1))
-                origins.append(part)
-                kept.append(number)
-        if not grids:
-            raise ValueError(f"No segment of the record is as long as one step of {dt:g} s: choose a shorter step.")
+        time, segments = self.time, self.segments
+        by_segment = even_grids(time, segments, dt)
+        grids, origins = list(by_segment.values()), [segments[k] for k in by_segment]
+
+        def turned(between: Callable[..., np.ndarray], names: Sequence[str]) -> dict[str, np.ndarray]:
+            attitude = self.matrix(names)
+            rows = np.concatenate([between(grid, time[o], attitude[o]) for grid, o in zip(grids, origins)])
+            return dict(zip(names, rows.T, strict=True))
+
         variables: dict[str, Any] = {}
         for name in self.names:
             held = channel(name).held
@@ -367,18 +321,15 @@ class Record:
                 read = self.readings(name)
                 unread = [~nearest(grid, time[o][read[o]]) for grid, o in zip(grids, origins)]
                 variables[name + UNREAD] = ("time_s", np.concatenate(unread))
+        attitudes: dict[str, np.ndarray] = {}
         if set(QUATERNION) <= set(variables):
-            attitude = np.column_stack([self[name] for name in QUATERNION])
-            turned = np.concatenate([interpolated(grid, time[o], attitude[o]) for grid, o in zip(grids, origins)])
-            for name, values in zip(QUATERNION, turned.T, strict=True):
-                variables[name] = ("time_s", values, variables[name][2])
+            attitudes |= turned(interpolated, QUATERNION)
         if set(ANGLES) <= set(variables) and any(turns_far(*self.matrix(ANGLES)[o, :2].T) for o in origins):
-            attitude = self.matrix(ANGLES)
-            turned = [interpolated_angles(grid, time[o], attitude[o]) for grid, o in zip(grids, origins)]
-            for name, values in zip(ANGLES, np.concatenate(turned).T, strict=True):
-                variables[name] = ("time_s", values, variables[name][2])
+            attitudes |= turned(interpolated_angles, ANGLES)
+        for name, values in attitudes.items():
+            variables[name] = ("time_s", values, variables[name][2])
         variables["segment"] = ("time_s", np.repeat(np.arange(len(grids)), [grid.size for grid in grids]))
-        attrs = {**self.dataset.attrs, LABELS: [self.labels[k] for k in kept]}
+        attrs = {**self.dataset.attrs, LABELS: [self.labels[k] for k in by_segment]}
         return Record(dataset_of(variables, np.concatenate(grids), attrs))
 
     def windows(self, seconds: float) -> list[slice]:
@@ -389,15 +340,7 @@ class Record:
         """
         if not seconds > 0.0:
             raise ValueError(f"windows needs a positive length in s, got {seconds}.")
-        time, found = self.time, []
-        for part in self.segments:
-            t = time[part]
-            interval = float(np.median(np.diff(t)))
-            slack = SAME * interval
-            count = int(np.floor((t[-1] - t[0] + interval + slack) / seconds))
-            edges = part.start + np.searchsorted(t, t[0] + seconds * np.arange(count + 1) - slack)
-            found += [slice(int(a), int(b)) for a, b in pairwise(edges) if b - a >= 2]
-        return found
+        return even_windows(self.time, self.segments, seconds)
 
     def save(self, path: str | Path) -> None:
         """Write NetCDF to a file that ends in .nc, aside and then renamed; raises if the folder cannot be written."""
@@ -408,17 +351,7 @@ class Record:
     @classmethod
     def load(cls, path: str | Path) -> Record:
         """The record that `save` wrote; for other files, use `auv_gym.records.reading.read_record`."""
-        if not Path(path).is_file():
-            raise ValueError(f"There is no file {path}: give the path of a record that Record.save wrote.")
-        try:
-            import xarray as xr
-
-            dataset = xr.load_dataset(path, engine="h5netcdf", decode_times=False)
-        except Exception as error:  # a damaged file may raise almost anything
-            raise ValueError(f"{path} is not a NetCDF record, or is cut short ({error}): save it again.") from error
-        if LABELS not in dataset.attrs or "time_s" not in dataset:
-            raise ValueError(f"{path} was not written by Record.save: read it with read_record.")
-        return cls(dataset)
+        return cls(saved_dataset(path))
 
     @cached_property
     def _typical(self) -> tuple[float, float]:
@@ -467,11 +400,10 @@ def concat(records: Sequence[Record]) -> Record:
             )
     starts = np.cumsum([0] + [len(record.segments) for record in records])
     ids = np.concatenate([record.dataset["segment"].values + start for record, start in zip(records, starts)])
-    variables: dict[str, Any] = {
-        name: ("time_s", np.concatenate([record[name] for record in records]), _common(name, records))
-        for name in records[0].names
-    }
+    variables: dict[str, Any] = {}
     for name in records[0].names:
+        together = np.concatenate([record[name] for record in records])
+        variables[name] = ("time_s", together, common_attrs([record.dataset[name] for record in records]))
         if any(name + UNREAD in record.dataset for record in records):
             variables[name + UNREAD] = ("time_s", np.concatenate([~record.readings(name) for record in records]))
     variables["segment"] = ("time_s", ids)
@@ -485,14 +417,3 @@ def concat(records: Sequence[Record]) -> Record:
     attrs |= {FIXES: fixes} if fixes else {}
     attrs[LABELS] = [label for record in records for label in record.labels]
     return Record(dataset_of(variables, np.concatenate([record.time for record in records]), attrs))
-
-
-def _common(name: str, records: Sequence[Record]) -> dict[str, Any]:
-    """The attributes of a variable over several records: fill counts are summed, and the longest interval is used."""
-    found = dict(records[0].dataset[name].attrs)
-    apart = [
-        float(record.dataset[name].attrs[INTERVAL]) for record in records if INTERVAL in record.dataset[name].attrs
-    ]
-    found |= {INTERVAL: max(apart)} if apart else {}
-    filled = sum(int(record.dataset[name].attrs.get("filled", 0)) for record in records)
-    return {**found, "filled": filled} if filled else found

@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 
 from auv_gym.channels import CHANNELS, channel
-from auv_gym.records.reading import Understood
 from auv_gym.records.record import Record
+from auv_gym.records.understanding import Understood
 
 _ANGLE = ((radians(1.0), "degrees", "deg"),)
 # For each channel or unit, the lowest and highest possible value, and units that would explain values beyond.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -10,6 +12,7 @@ from auv_gym.channels import SEGMENT_COLUMNS
 
 SAME = 1e-3  # of a sample interval; times closer than this are equal: seconds since 1970 are rounded to 0.2 us
 _SHORTEST_GAP = 0.25  # s
+_MOST_SAMPLES = 10_000_000  # that resample may make: 80 MB per channel
 
 
 def numbered(segment: Any, size: int) -> tuple[np.ndarray, list[str]]:
@@ -62,6 +65,37 @@ def gap_limit(intervals: np.ndarray) -> float:
     """
     uneven = 3.0 * float(np.quantile(intervals, 0.9, method="lower"))
     return max(5.0 * float(np.median(intervals)), uneven, _SHORTEST_GAP)
+
+
+def even_grids(time: np.ndarray, segments: Sequence[slice], dt: float) -> dict[int, np.ndarray]:
+    """Times at even steps of dt, s, from the start of each segment that is as long as a step, by the segment's number.
+
+    Raises ValueError if no segment is that long, or if there would be too many samples.
+    """
+    lengths = [float(time[part.stop - 1] - time[part.start]) for part in segments]
+    samples = sum(lengths) / dt
+    if samples > _MOST_SAMPLES:
+        raise ValueError(
+            f"Steps of {dt:g} s make {samples:.3g} samples of a record of {sum(lengths):g} s, and resample makes at "
+            f"most {_MOST_SAMPLES}: choose a longer step."
+        )
+    steps = [int(np.floor(length / dt + 1e-6)) for length in lengths]
+    if max(steps) < 1:
+        raise ValueError(f"No segment of the record is as long as one step of {dt:g} s: choose a shorter step.")
+    return {k: time[segments[k].start] + dt * np.arange(n + 1) for k, n in enumerate(steps) if n >= 1}
+
+
+def even_windows(time: np.ndarray, segments: Sequence[slice], seconds: float) -> list[slice]:
+    """Consecutive windows of this length within each segment; see `Record.windows`."""
+    found = []
+    for part in segments:
+        t = time[part]
+        interval = float(np.median(np.diff(t)))
+        slack = SAME * interval
+        count = int(np.floor((t[-1] - t[0] + interval + slack) / seconds))
+        edges = part.start + np.searchsorted(t, t[0] + seconds * np.arange(count + 1) - slack)
+        found += [slice(int(a), int(b)) for a, b in pairwise(edges) if b - a >= 2]
+    return found
 
 
 def at_times(grid: np.ndarray, time: np.ndarray, values: np.ndarray, held: bool, dt: float) -> np.ndarray:

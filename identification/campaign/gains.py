@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from auv_gym.channels import channel
+from auv_gym.param import listed
 from auv_gym.plant import Plant
 from auv_gym.writing import write_json, write_text
 from controllers.gains import write_gains
@@ -17,7 +18,6 @@ from controllers.tuning.tuning import Judged, tune_and_judge
 from identification.campaign.file.settings import Campaign
 from identification.campaign.fits import FOLDER, load_fitted, read_fits
 from identification.campaign.running.shelf import Progress
-from identification.diagnosis.wording import listed
 from identification.pages.page import percent
 
 GAINS, RESULT, PAGE = "gains.toml", "tuning.json", "tuning.html"

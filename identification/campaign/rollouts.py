@@ -23,7 +23,7 @@ from identification.campaign.index import Row, read_index
 from identification.campaign.running.perform import run_status
 from identification.campaign.running.shelf import Progress, Shelf
 from identification.campaign.running.staging import make_campaign_controller, make_env
-from identification.compare.comparison import compare_closed, step_scales
+from identification.compare.closed_loop import compare_closed, step_scales
 from identification.compare.model_tests import open_loop, over_time
 
 FOLDER, LIST = "rollouts", "rollouts.json"

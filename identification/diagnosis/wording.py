@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -94,11 +94,6 @@ def _random(noises: Mapping[str, tuple[float, float]], unit_of: Callable[[str], 
 def short(title: str) -> str:
     """A title without the remark in brackets."""
     return title.partition(" (")[0]
-
-
-def listed(items: Sequence[str], word: str = "and") -> str:
-    """Items as a list in words: `a, b and c`, or with another conjunction."""
-    return f" {word} ".join([", ".join(items[:-1]), items[-1]]) if len(items) > 1 else "".join(items)
 
 
 def capital(text: str) -> str:

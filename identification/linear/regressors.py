@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from auv_gym.channels import channel
+from auv_gym.param import listed
 from auv_gym.records.record import Record, records_of
 from identification.linear.polynomials.structure import Row, Term
 from identification.linear.triangles import triangle_tall
@@ -148,9 +149,9 @@ def _not_told_apart(name: str, output: str, terms: Sequence[Term], directions: n
     for term, part in zip(terms, involved):  # an intercept has no term
         if part:
             lags.setdefault(term.channel, []).append(str(term.lag))
-    which = _and([f"{c} at lag{'s' * (len(found) > 1)} {_and(found)}" for c, found in lags.items()])
+    which = listed([f"{c} at lag{'s' * (len(found) > 1)} {listed(found)}" for c, found in lags.items()])
     inputs = [c for c in lags if c != output]
-    moved = f"excite {_and(inputs)} with more frequencies" if inputs else "excite the inputs with more frequencies"
+    moved = f"excite {listed(inputs)} with more frequencies" if inputs else "excite the inputs with more frequencies"
     return (
         f"{name} cannot fit {output}: this record does not tell {which} apart. Ask for fewer lags, or {moved}, "
         "independent of the feedback."
@@ -178,7 +179,3 @@ def _check_even(record: Record, dt: float, estimator: str) -> None:
             f"{estimator} needs one sample interval in all records, got {dt:g} and {record.sample_interval:g} s: "
             f"call record.resample({max(dt, record.sample_interval):g}) first."
         )
-
-
-def _and(words: Sequence[str]) -> str:
-    return " and ".join(part for part in (", ".join(words[:-1]), words[-1]) if part)

@@ -11,13 +11,8 @@ import numpy as np
 from auv_gym.channels import channel
 from auv_gym.param import spec_at
 from identification.diagnosis.extras import Extras
-from identification.diagnosis.judge.summary import (
-    dropped_sentence,
-    left_sentence,
-    noise_sentence,
-    slight_sentence,
-    unsteady_sentence,
-)
+from identification.diagnosis.judge.leftover import left_sentence, noise_sentence
+from identification.diagnosis.judge.summary import dropped_sentence, slight_sentence, unsteady_sentence
 from identification.diagnosis.judge.verdict import Diagnosis
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import candidates_of

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import Any
 
-from auv_gym.param import spec_at, value_at
+from auv_gym.param import listed, spec_at, value_at
 from auv_gym.plant import Plant
 from identification.diagnosis.judge.effects import Coefficient, Detectable, Effect
 from identification.diagnosis.judge.verdict import Diagnosis
@@ -14,7 +14,7 @@ from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import candidates_of
 from identification.diagnosis.search.trials import Trial
-from identification.diagnosis.wording import at_most, for_people, listed, quantity, typeset
+from identification.diagnosis.wording import at_most, for_people, quantity, typeset
 from identification.pages.page import amount, both, number, span
 
 

@@ -15,7 +15,8 @@ import numpy as np
 from auv_gym.channels import channel, unit_per
 from auv_gym.models.linear import Polynomial, StateSpace
 from identification.linear.fit import Known, LinearFit, has_errors
-from identification.linear.uncertainty import PoleInterval, ResponseBand, pole_intervals, response_band, zeros
+from identification.linear.poles import PoleInterval, pole_intervals, zeros
+from identification.linear.uncertainty import ResponseBand, response_band
 from identification.pages.drawing import INK, QUIET, grid, new_figure
 from identification.pages.model_figures import LOOKS, legend
 

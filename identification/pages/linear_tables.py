@@ -10,8 +10,8 @@ import numpy as np
 from auv_gym.channels import channel
 from auv_gym.models.linear import Polynomial, StateSpace
 from identification.estimate import Estimate
+from identification.linear.poles import PoleInterval, zeros
 from identification.linear.polynomials.orders import CRITERIA, OrderSearch
-from identification.linear.uncertainty import PoleInterval, zeros
 from identification.order_search import KEYS, remarks
 from identification.pages.page import Table, amount, number, percent
 

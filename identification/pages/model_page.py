@@ -12,16 +12,18 @@ import numpy as np
 from auv_gym import __version__
 from auv_gym.channels import channel
 from auv_gym.model import Trained
+from auv_gym.param import listed
 from auv_gym.plant import Plant
 from identification.compare.comparison import OpenLoop
 from identification.compare.model_tests import is_white, strongest_input_correlation
-from identification.diagnosis.wording import capital, listed
+from identification.diagnosis.wording import capital
 from identification.estimate import Estimate
 from identification.estimator import Fit, notes_of
 from identification.identified import Identified
 from identification.linear.fit import LinearFit, has_errors, is_linear
+from identification.linear.poles import pole_intervals
 from identification.linear.polynomials.orders import OrderSearch
-from identification.linear.uncertainty import SimulatedBand, pole_intervals
+from identification.linear.uncertainty import SimulatedBand
 from identification.pages.drawing import quantity_label, shown_values
 from identification.pages.drawn_channels import outputs_of
 from identification.pages.linear_figures import bode_figure, pole_zero_figure

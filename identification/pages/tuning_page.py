@@ -10,12 +10,12 @@ import numpy as np
 
 from auv_gym import __version__
 from auv_gym.channels import channel, set_point_of
-from auv_gym.param import spec_at, value_at
+from auv_gym.param import listed, spec_at, value_at
 from controllers.tuning.bench import segments
 from controllers.tuning.requirements import QUANTITIES, worst
 from controllers.tuning.spread import CHANGE
 from controllers.tuning.tuning import Judged, Trying
-from identification.diagnosis.wording import listed, short
+from identification.diagnosis.wording import short
 from identification.pages.drawing import AFTER, BEFORE, INK, QUIET, downwards, new_figure, shown_values, with_unit
 from identification.pages.model_page import Section
 from identification.pages.page import Table, amount, drawn, number, page, span

@@ -191,7 +191,7 @@ def _within(case: Case, plant: Plant, rng: np.random.Generator) -> dict | None:
         wrong = {p: (value_at(plant, p), given[p]) for p in given}
     values, detectable, shared = {}, {}, plant
     names = [str(p) for p in rng.choice(effects_of(case.vehicle), EFFECTS.get(case.kind, 0), replace=False)]
-    if len({_together(p) for p in names}) < len(names):
+    if len({whole(p) for p in names}) < len(names):
         return None
     if names:
         periods = {PERIOD_OF[p]: float(np.exp(rng.uniform(*np.log(PERIODS)))) for p in names if p in PERIOD_OF}
@@ -278,5 +278,6 @@ def _value(plant: Plant, path: str, detectable: float, rng: np.random.Generator)
     return float(value) if np.isfinite(value) and spec.bounds[0] < value < spec.bounds[1] else None
 
 
-def _together(path: str) -> str:
+def whole(path: str) -> str:
+    """The physical quantity of a path: its two components count as one name."""
     return next((title for title, paths in TOGETHER if path in paths), path)

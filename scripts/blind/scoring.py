@@ -14,8 +14,8 @@ from auv_gym.plant import Plant, load_vehicle
 from auv_gym.plant.record_check import described
 from auv_gym.records.record import Record
 from identification.diagnosis.log.parts import parts_of, windows_of
-from identification.diagnosis.search.candidates import TOGETHER
 from identification.fit.validation import free_runs
+from scripts.blind.cases import whole
 from scripts.blind.diagnosing import REFUSED
 from scripts.blind.sealing import read_truth
 
@@ -43,9 +43,9 @@ def score(
     groups = [frozenset(group) for group in said.get("tied", ())]
     wrong, actual = truth["wrong"], truth["effects"]
     excused = set(actual) | set(wrong)
-    false = [p for p in named if not _meant(p, groups) & {_whole(q) for q in excused}]
+    false = [p for p in named if not _meant(p, groups) & {whole(q) for q in excused}]
     coefficients = [c["path"] if isinstance(c, Mapping) else c for c in said.get("coefficients_wrong") or ()]
-    found = [p for p in actual if any(_whole(p) in _meant(q, groups) for q in named) or any(p in g for g in groups)]
+    found = [p for p in actual if any(whole(p) in _meant(q, groups) for q in named) or any(p in g for g in groups)]
     helped = bool((said.get("discovered") or {}).get("holds"))
     kind = truth["case"]["kind"]
     slipped = any(doubt["slip"] for doubt in said.get("doubts", ()))
@@ -74,7 +74,7 @@ def score(
         "confident": bool(kind == "outside" and (slipped or (verdict in CONFIDENT and not flagged and not helped))),
         "coefficients_found": sorted(set(coefficients) & set(wrong)),
         "coefficients_false": sorted(set(coefficients) - set(wrong)),
-        "tie": max([1, *(len({_whole(p) for p in group}) for group in own)]) if verdict in CONFIDENT else None,
+        "tie": max([1, *(len({whole(p) for p in group}) for group in own)]) if verdict in CONFIDENT else None,
         "covered": {p: _holds(named[p], actual[p]) for p in judged if p in named},
         "covered_in_ties": {p: _holds(members[p], actual[p]) for p in judged if p in members and p not in named},
         "coefficients_covered": _coefficients(said, truth, groups) if right and not false else {},
@@ -134,12 +134,7 @@ def _coefficients(said: Mapping[str, Any], truth: Mapping[str, Any], groups: lis
     return {path: _holds(c, truth["wrong"].get(path, [c["given"]])[0]) for path, c in refitted.items()}
 
 
-def _whole(path: str) -> str:
-    """The physical quantity of a path: its two components count as one name."""
-    return next((title for title, paths in TOGETHER if path in paths), path)
-
-
 def _meant(path: str, groups: list[frozenset[str]]) -> set[str]:
     """The possible meanings of a name: itself, and the paths that the diagnosis cannot tell from it."""
-    tied = {p for group in groups if path in group or _whole(path) in {_whole(q) for q in group} for p in group}
-    return {_whole(p) for p in (path, *tied)}
+    tied = {p for group in groups if path in group or whole(path) in {whole(q) for q in group} for p in group}
+    return {whole(p) for p in (path, *tied)}

@@ -148,11 +148,6 @@ def velocity_errors(plant: Plant, record: Record) -> np.ndarray:
     return model - logged
 
 
-def velocity_error(plant: Plant, record: Record) -> float:
-    """RMS difference of the vertical velocity, model minus differenced depth, m/s."""
-    return rms(velocity_errors(plant, record))
-
-
 def gliderflight_error(found: Diagnosis, numbers: np.ndarray, environments: Path) -> tuple[float | None, str]:
     """RMS error of gliderflight's steady model, cm/s, each part by one calibrated without it, and the calibrated set.
 

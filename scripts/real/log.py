@@ -13,8 +13,9 @@ from auv_gym.channels import channel
 from auv_gym.model import Diverged
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.density import read_profiles, with_density
-from auv_gym.records.reading import Needs, read_record
+from auv_gym.records.reading import read_record
 from auv_gym.records.record import Record
+from auv_gym.records.understanding import Needs
 from auv_gym.writing import finite
 from identification.diagnosis import Diagnosis, diagnose
 from identification.diagnosis.log.parts import Part, parts_of

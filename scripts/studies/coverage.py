@@ -23,12 +23,13 @@ from auv_gym.models.linear import Polynomial, StateSpace
 from auv_gym.records.record import Record
 from identification.experiments.excitation import prbs
 from identification.linear.fit import LinearFit
+from identification.linear.poles import pole_intervals
 from identification.linear.polynomials.armax import Armax
 from identification.linear.polynomials.arx import Arx
 from identification.linear.polynomials.output_error import OutputError
 from identification.linear.polynomials.polynomial_fit import PolynomialFit
 from identification.linear.subspaces.n4sid import N4sid
-from identification.linear.uncertainty import pole_intervals, response_band
+from identification.linear.uncertainty import response_band
 from scripts.benchmarks.systems import ARMAX, DT, STATE_SPACE, measured
 from scripts.studies.harness import Found, Option, Sheet, Study
 

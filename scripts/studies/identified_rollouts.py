@@ -27,7 +27,7 @@ from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.record import Record
 from controllers.autopilots import autopilot
 from controllers.composed.excited import Excited
-from identification.compare.comparison import ClosedLoop, compare_closed
+from identification.compare.closed_loop import ClosedLoop, compare_closed
 from identification.experiments.driving import Steps, drive
 from identification.experiments.excitation import make_signal
 from identification.experiments.manoeuvres import NOISE

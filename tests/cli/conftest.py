@@ -13,3 +13,10 @@ def commands_built_once() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("typer.main.get_command", lru_cache(get_command))
         yield
+
+
+@pytest.fixture
+def wide(monkeypatch) -> None:
+    """Tables as on a wide terminal, so that nothing is folded."""
+    monkeypatch.setattr("auv_gym.cli.options.console.output.width", 250)
+    monkeypatch.setattr("auv_gym.cli.options.console.errors.width", 250)

@@ -16,12 +16,7 @@ from identification.experiments.float_dives import depth_control, summer_lake
 from identification.experiments.heading_control import closed_loop
 from identification.experiments.missions import mission_of
 
-
-@pytest.fixture(autouse=True)
-def wide(monkeypatch):
-    """Tables as on a wide terminal, so that nothing is folded."""
-    monkeypatch.setattr("auv_gym.cli.options.console.output.width", 200)
-    monkeypatch.setattr("auv_gym.cli.options.console.errors.width", 200)
+pytestmark = pytest.mark.usefixtures("wide")
 
 
 def test_help_and_version(capsys):

@@ -7,6 +7,7 @@ import pytest
 from auv_gym.cli import main
 from auv_gym.records.record import Record
 from identification.campaign.index import read_index
+from tests.identification.campaign.texts import DEEP, HOPELESS
 
 ROOT = Path(__file__).parents[2]
 GUIDE = re.findall(r"```toml\n(.*?)```", (ROOT / "docs" / "campaigns.md").read_text(encoding="utf-8"), re.DOTALL)
@@ -22,18 +23,12 @@ duration_s = 80.0
 kind = "pid"
 """
 SLOW = {"depth", "gains"}  # of vehicles that take long to compile
+pytestmark = pytest.mark.usefixtures("wide")
 
 
 def guide(text: str):
     name = re.findall('name = "(.*?)"', text)[0]
     return pytest.param(text, id=name, marks=[pytest.mark.slow] if name in SLOW else [])
-
-
-@pytest.fixture(autouse=True)
-def wide(monkeypatch):
-    """Tables as on a wide terminal, so that nothing is folded."""
-    monkeypatch.setattr("auv_gym.cli.options.console.output.width", 250)
-    monkeypatch.setattr("auv_gym.cli.options.console.errors.width", 250)
 
 
 def run(path, out, *options):
@@ -69,25 +64,8 @@ def test_the_example_goes_on_and_takes_other_seeds(tmp_path, capsys):
 
 @pytest.mark.slow
 def test_failures_are_told_by_exit_code_and_table(tmp_path, capsys):
-    text = """
-name = "deep"
-[vehicle]
-preset = "qiandao_float"
-[experiment]
-kind = "env"
-id = "FloatDepth"
-duration_s = 900.0
-depths = [1.0, 20.0]
-start = { depth_m = 39.0 }
-[experiment.targets]
-depth_m = [[0, 200.0]]
-[controller]
-kind = "pid"
-[grid]
-experiment.start.depth_m = [39.0, 20.0]
-experiment.duration_s = [30.0]
-"""
-    (tmp_path / "deep.toml").write_text(text)
+    grid = "[grid]\nexperiment.start.depth_m = [39.0, 20.0]\nexperiment.duration_s = [30.0]\n"
+    (tmp_path / "deep.toml").write_text(DEEP + grid)
     assert run(tmp_path / "deep.toml", tmp_path / "out") == 3
     said = capsys.readouterr().out
     assert "1 of 2 runs done" in said
@@ -97,15 +75,7 @@ experiment.duration_s = [30.0]
 
 
 def test_a_failed_fit_is_told_with_its_reason(tmp_path, capsys):
-    fit = """
-[[fit]]
-name = "hopeless"
-method = "arx"
-settings = { n_a = 400 }
-inputs = ["rudder_rad"]
-outputs = ["heading_rad"]
-"""
-    (tmp_path / "short.toml").write_text(SHORT + fit)
+    (tmp_path / "short.toml").write_text(SHORT + HOPELESS)
     given = ["campaign", str(tmp_path / "short.toml"), "--out", str(tmp_path / "out"), "--jobs", "1"]
     assert main(given) == 3
     said = " ".join(capsys.readouterr().out.split())

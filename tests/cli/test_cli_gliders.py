@@ -13,6 +13,7 @@ from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from auv_gym.plant.stated import as_stated, vehicle_from_dive
 from identification.experiments.glider_dives import yo_mission
+from tests.seaglider_dives import write_dive
 
 STATED = {
     "sg_cal_mass": 54.5, "sg_cal_volmax": 53700.0, "sg_cal_vbdbias": 130.0, "sg_cal_rho0": 1027.5, "log_VBD_MIN": 600.0,
@@ -22,19 +23,9 @@ STATED = {
 }  # fmt: skip
 
 
-def write_dive(path, number, columns):
-    """A dive's file as the basestation writes it, of columns by its own names."""
-    with h5py.File(path, "w") as file:
-        file.attrs["dive_number"], file.attrs["platform_id"] = number, "SG998"
-        dim = file.create_dataset("sg_data_point", data=np.arange(len(columns["time"]), dtype=float))
-        dim.make_scale("sg_data_point")
-        for key, values in columns.items():
-            file[key] = values
-            file[key].dims[0].attach_scale(dim)
-        file["time"].attrs["units"] = "seconds since 1970-1-1 00:00:00"
-        file["depth"].attrs["units"] = "meters"
-        for key, value in STATED.items():
-            file[key] = value
+def write_fixed_dive(path, number, columns):
+    """A dive's file with GPS fixes, of columns by the basestation's own names."""
+    with h5py.File(write_dive(path, "SG998", number, columns, STATED), "a") as file:
         fixes = file.create_dataset("gps_info", data=np.arange(3.0))
         fixes.make_scale("gps_info")
         begun, ended = columns["time"][0] - 60.0, columns["time"][-1] + 60.0
@@ -103,7 +94,7 @@ def test_dives_that_end_afloat_without_a_ctd_or_a_heading_say_what_is_assumed_an
 
 @pytest.mark.slow
 def test_dives_of_a_seaglider_are_one_record_of_the_glider_that_they_state(tmp_path, capsys):
-    write_dive(tmp_path / "first.nc", 1, {"time": np.arange(3.0), "depth": np.arange(3.0)})
+    write_fixed_dive(tmp_path / "first.nc", 1, {"time": np.arange(3.0), "depth": np.arange(3.0)})
     glider = vehicle_from_dive(tmp_path / "first.nc")
     neutral = glider.hull.engine_neutral
     # the log has no CTD: water of one density, in which the hull neither shrinks nor warms
@@ -121,7 +112,7 @@ def test_dives_of_a_seaglider_are_one_record_of_the_glider_that_they_state(tmp_p
             "eng_rollAng": np.zeros(part.stop - part.start),
             "eng_vbdCC": 1e6 * (record["buoyancy_volume_m3"][part] - neutral),
         }
-        write_dive(files[-1], number, columns)
+        write_fixed_dive(files[-1], number, columns)
     out = tmp_path / "out"
     assert main(["diagnose", *map(str, files), "--vehicle", "seaglider", "--out", str(out)]) == 0
     said = " ".join(capsys.readouterr().err.split())

@@ -10,6 +10,7 @@ from auv_gym.models.files import save_model
 from auv_gym.models.linear import StateSpace
 
 pytest.importorskip("stable_baselines3")
+pytestmark = pytest.mark.usefixtures("wide")
 
 SMALL = """GliderHeading-v0:
   n_timesteps: 256
@@ -20,13 +21,6 @@ SMALL = """GliderHeading-v0:
   normalize: true
   policy_kwargs: {net_arch: [8]}
 """
-
-
-@pytest.fixture(autouse=True)
-def wide(monkeypatch):
-    """Tables as on a wide terminal, so that nothing is folded."""
-    monkeypatch.setattr("auv_gym.cli.options.console.output.width", 200)
-    monkeypatch.setattr("auv_gym.cli.options.console.errors.width", 200)
 
 
 @pytest.fixture(scope="module")

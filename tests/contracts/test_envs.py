@@ -1,7 +1,6 @@
 """What every registered environment promises, and every kind of vehicle in one."""
 
 import copy
-import os
 import pickle
 import subprocess
 import sys
@@ -10,7 +9,6 @@ import warnings
 from dataclasses import dataclass, replace
 from functools import reduce
 from operator import add
-from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -25,6 +23,7 @@ from auv_gym.envs.tasks import TASKS
 from auv_gym.param import list_paths, replace_at, value_at
 from auv_gym.plant import list_vehicles, load_vehicle, save_vehicle
 from tests.envs.env_runs import InPython, drawn_actions, ends, run
+from tests.plain_python import run_plain
 
 every = pytest.mark.parametrize("name", list(ENVIRONMENTS))
 
@@ -442,12 +441,7 @@ def test_plain_python_agrees_with_compiled_code(tmp_path):
     found = {}
     for jit in ("0", "1"):
         out = tmp_path / f"run{jit}.npy"
-        environment = {**os.environ, "AUV_GYM_JIT": jit, "PYTHONPATH": str(Path(__file__).parents[2])}
-        done = subprocess.run(
-            [sys.executable, "-c", PLAIN, str(out)], env=environment, capture_output=True, text=True, check=False
-        )
-        assert done.returncode == 0, done.stderr
-        assert done.stdout.strip() == str(jit == "1")
+        assert run_plain("-c", PLAIN, out, jit=jit).strip() == str(jit == "1")
         found[jit] = np.load(out)
     assert np.abs(found["0"]).max() > 1.0
     # the cruise is sought to 1e-10 by each on its own; rounding of float32 observations is 1e-7

@@ -11,9 +11,9 @@ from auv_gym.records.record import Record
 from identification.estimator import make_estimator
 from identification.identified import identify, joined, split
 from identification.linear.fit import Known
+from identification.linear.poles import pole_intervals
 from identification.linear.polynomials.orders import search_orders
 from identification.linear.subspaces.n4sid import N4sid
-from identification.linear.uncertainty import pole_intervals
 from identification.pages.linear_tables import complex_words, full_pole_table, pole_table, zero_table
 from identification.pages.model_figures import horizon_figure
 from identification.pages.model_page import (

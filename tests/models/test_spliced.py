@@ -1,14 +1,11 @@
 """A plant that a model drives in part: twins, closed forms, orders, and what is refused."""
 
-import os
 import re
-import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import cos, exp, pi, sin
-from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -20,8 +17,8 @@ from auv_gym.models.spliced import Spliced, splice
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.record import Record
+from tests.plain_python import run_plain
 
-ROOT = Path(__file__).parents[2]
 RATES = ("p_radps", "q_radps", "r_radps")
 BODY = ("u_mps", "v_mps", "w_mps", *RATES)
 WATER = {
@@ -494,11 +491,7 @@ def trajectories() -> dict[str, np.ndarray]:
 
 def test_plain_python_agrees_with_compiled_code(tmp_path):
     out = tmp_path / "plain.npz"
-    environment = {**os.environ, "AUV_GYM_JIT": "0", "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
-        [sys.executable, __file__, str(out)], env=environment, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
+    run_plain(__file__, out)
     with np.load(out) as plain:
         for name, compiled in trajectories().items():
             assert plain[name] == pytest.approx(compiled, rel=1e-10, abs=1e-11), name  # rounded a thousand times

@@ -1,16 +1,13 @@
 """Sums of Gaussian bells against numpy's exponential, compiled and plain, for any number of inputs and outputs."""
 
-import os
-import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from auv_gym.physics.radial import BITS, LANES, radial_blocks, radial_distance, radial_sums
+from tests.plain_python import run_plain
 
-ROOT = Path(__file__).parents[2]
 SHAPES = ((1, 1, 1), (3, 2, LANES), (6, 6, LANES + 1), (10, 1, 300), (4, 7, 2 * LANES - 1))  # inputs, outputs, centres
 
 
@@ -70,15 +67,7 @@ def test_blocks_hold_any_number_of_centres():
 
 def test_plain_python_agrees_with_compiled_code(tmp_path):
     out = tmp_path / "plain.npz"
-    environment = {**os.environ, "AUV_GYM_JIT": "0", "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
-        [sys.executable, "-W", "error", __file__, str(out)],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    run_plain("-W", "error", __file__, out)
     with np.load(out) as plain:
         assert not plain["numba_imported"]
         for number, shape in enumerate(SHAPES):

@@ -1,10 +1,7 @@
 """Runs in a chart are the same runs, corrected where attitudes are small turns, compiled or not."""
 
-import os
-import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +11,8 @@ from auv_gym.plant import Chart, Correction, Plant, Runs
 from auv_gym.records.attitude import ANGLES
 from auv_gym.records.record import Record
 from tests.identification.tumbler import RATES, flown, tumbler
+from tests.plain_python import run_plain
 
-ROOT = Path(__file__).parents[2]
 PLANT = tumbler()
 AT = PLANT.family.states.index("roll_rad")
 HELD = slice(AT, AT + 3)
@@ -149,13 +146,8 @@ def test_between_readings_references_follow_the_shortest_turn(tumbled):
 @pytest.mark.slow
 def test_plain_python_agrees_with_compiled_code(tmp_path, tumbled):
     out = tmp_path / "plain.npz"
-    environment = {**os.environ, "AUV_GYM_JIT": "0", "PYTHONPATH": str(ROOT)}
     tumbled.save(tmp_path / "log.nc")
-    done = subprocess.run(
-        [sys.executable, __file__, str(tmp_path / "log.nc"), str(out)],
-        env=environment, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    run_plain(__file__, tmp_path / "log.nc", out)
     with np.load(out) as plain:
         for name, values in zip(("y", "after"), corrected(PLANT, tumbled), strict=True):
             # each operation is rounded at 1e-16, and a vehicle that tumbles for 20 s makes some of it larger

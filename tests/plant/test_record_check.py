@@ -8,16 +8,17 @@ from auv_gym.plant.record_check import (
     FEW,
     check_excitation,
     check_ranges,
-    command_remarks,
     described,
     needs_of,
     refusal,
     wrong_for,
 )
+from auv_gym.plant.thruster_commands import command_remarks
 from auv_gym.plant.thrusters import find_thrusters
 from auv_gym.records.gliding import glide_attack
-from auv_gym.records.reading import Needs, read_record
+from auv_gym.records.reading import read_record
 from auv_gym.records.record import Record, concat
+from auv_gym.records.understanding import Needs
 from identification.diagnosis import diagnose
 from identification.fit.greybox import GreyBox
 
@@ -31,9 +32,18 @@ def _record(segment=None, **changes):
     return Record.from_arrays(TIME, channels, segment=segment)
 
 
+def _out_of_range(plant, record) -> str:
+    """Why a record leaves the vehicle's ranges, or nothing."""
+    try:
+        check_ranges(plant, record)
+    except ValueError as error:
+        return str(error)
+    return ""
+
+
 def test_a_record_within_the_ranges_passes():
-    check_ranges(FLOAT, _record())
-    check_excitation(FLOAT, _record())
+    assert _out_of_range(FLOAT, _record()) == ""
+    assert refusal(FLOAT, _record()) == ""
 
 
 def test_a_piston_in_millimetres_for_a_part_of_the_log_is_refused_with_the_place():
@@ -180,9 +190,9 @@ def test_fins_in_degrees_that_were_taken_for_radians_are_refused_and_those_at_th
 
 @pytest.mark.parametrize("volume", [-3e-4, 0.0, -5.05e-4])
 def test_a_volume_that_is_held_is_no_unit(volume):
-    noise = 2e-7 * np.sin(TIME)  # a sensor's
-    check_ranges(load_vehicle("seaglider"), _record(buoyancy_volume_m3=np.full(TIME.size, volume)))
-    check_ranges(load_vehicle("seaglider"), _record(buoyancy_volume_m3=min(volume, -1e-4) + noise))
+    glider, noise = load_vehicle("seaglider"), 2e-7 * np.sin(TIME)  # a sensor's
+    assert _out_of_range(glider, _record(buoyancy_volume_m3=np.full(TIME.size, volume))) == ""
+    assert _out_of_range(glider, _record(buoyancy_volume_m3=min(volume, -1e-4) + noise)) == ""
 
 
 def test_a_first_look_says_what_a_diagnosis_would_refuse_or_leave_out():

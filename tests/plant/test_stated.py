@@ -12,6 +12,7 @@ from auv_gym.plant.stated import as_stated, vehicle_from_dive
 from auv_gym.records.readers.seaglider import neutral_volume
 from auv_gym.records.reading import read_record
 from auv_gym.vehicles.operators_constants import seaglider_constants
+from tests.seaglider_dives import write_dive
 
 # SG561, dive 2; volumes in cm3, counts of the buoyancy device from its largest volume at 600 down
 CONSTANTS = {
@@ -27,23 +28,12 @@ def dive(tmp_path):
     """A function that writes a dive's file with these constants."""
 
     def write(constants, name="p5610002.nc"):
-        path, n = tmp_path / name, 20
-        with h5py.File(path, "w") as file:
-            file.attrs["dive_number"], file.attrs["platform_id"] = 2, "SG561"
-            dim = file.create_dataset("sg_data_point", data=np.arange(n, dtype=float))
-            dim.make_scale("sg_data_point")
-            columns = {
-                "time": 1.4e9 + 30.0 * np.arange(n), "depth": 12.0 + 3.0 * np.arange(n), "eng_head": np.full(n, 30.0),
-                "eng_pitchAng": np.full(n, -20.0), "eng_rollAng": np.zeros(n), "eng_vbdCC": np.full(n, -146.2),
-            }  # fmt: skip
-            for key, values in columns.items():
-                file[key] = values
-                file[key].dims[0].attach_scale(dim)
-            file["time"].attrs["units"] = "seconds since 1970-1-1 00:00:00"
-            file["depth"].attrs["units"] = "meters"
-            for key, value in constants.items():
-                file[key] = value
-        return path
+        n = 20
+        columns = {
+            "time": 1.4e9 + 30.0 * np.arange(n), "depth": 12.0 + 3.0 * np.arange(n), "eng_head": np.full(n, 30.0),
+            "eng_pitchAng": np.full(n, -20.0), "eng_rollAng": np.zeros(n), "eng_vbdCC": np.full(n, -146.2),
+        }  # fmt: skip
+        return write_dive(tmp_path / name, "SG561", 2, columns, constants)
 
     return write
 

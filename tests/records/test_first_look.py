@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from auv_gym.records.first_look import look_at, mapping_text
-from auv_gym.records.reading import Needs, read_record
+from auv_gym.records.reading import read_record
+from auv_gym.records.understanding import Needs
 
 NEEDS = Needs(("heading_rad", "rudder_rad"))
 

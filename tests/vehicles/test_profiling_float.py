@@ -14,6 +14,7 @@ from auv_gym.param import list_paths, replace_at, spec_at
 from auv_gym.plant import Plant, load_vehicle, save_vehicle
 from auv_gym.records.record import Record, concat
 from auv_gym.vehicles.profiling_float import FLOAT_PISTON, FloatParameters, steady_speed
+from tests.vehicles.float_runs import run
 
 FOLDER = Path(__file__).parents[2] / "auv_gym" / "vehicles" / "presets"
 PRESETS = ("qiandao_float", "mermaid")
@@ -27,14 +28,6 @@ def diver(longest_step: float = 0.25, **hull: float) -> Plant:
     """A float of 60 kg and 15 kg of added mass in fresh water, its piston 2 L/m, but for these values of its hull."""
     values = {f"hull.{name}": value for name, value in hull.items()}
     return Plant("diver", FLOAT_PISTON, replace_at(FloatParameters(), values), dt=1.0, longest_step=longest_step)
-
-
-def run(plant: Plant, times, depth=100.0, rate=0.0, volume=0.0, **inputs) -> np.ndarray:
-    """Depth and depth rate of a free run, (n, 2); inputs: numbers or arrays."""
-    times = np.asarray(times, dtype=float)
-    given_inputs = {"piston_m": 0.0, "oil_volume_m3": 0.0, **inputs}
-    record = Record.from_arrays(times, {name: np.zeros(times.size) + value for name, value in given_inputs.items()})
-    return plant.run(record, record.segments, np.array([[depth, rate, volume]]))
 
 
 def rates(plant: Plant, depth=100.0, rate=0.0, volume=0.0, piston=0.0, **inputs: float) -> np.ndarray:

@@ -11,8 +11,8 @@ from hypothesis import given, strategies as st
 from auv_gym.param import list_paths, replace_at, spec_at
 from auv_gym.physics.buoyancy import ATMOSPHERE
 from auv_gym.plant import Plant, load_vehicle
-from auv_gym.records.record import Record
 from auv_gym.vehicles.profiling_float import FLOAT_PISTON, FloatParameters
+from tests.vehicles.float_runs import run
 
 GRAVITY = 9.81
 DENSITY, MASS, VIRTUAL_MASS = 1000.0, 60.0, 75.0  # of the float below
@@ -32,14 +32,6 @@ def rates(plant: Plant, depth=100.0, rate=0.0, volume=0.0, actuators=(0.0, 15.0)
     dz, z = np.empty(4), np.array([depth, rate, volume, 0.0])
     plant.family.hooks.derivative(z, np.array(actuators), u, plant.family.view(plant.derived), dz, np.empty(1))
     return dz
-
-
-def run(plant: Plant, times, depth=100.0, rate=0.0, volume=0.0, **inputs) -> np.ndarray:
-    """Depth and depth rate of a free run, (n, 2); inputs: numbers or arrays."""
-    times = np.asarray(times, dtype=float)
-    given_inputs = {"piston_m": 0.0, "oil_volume_m3": 0.0, **inputs}
-    record = Record.from_arrays(times, {name: np.zeros(times.size) + value for name, value in given_inputs.items()})
-    return plant.run(record, record.segments, np.array([[depth, rate, volume]]))
 
 
 # What lifts

@@ -58,15 +58,16 @@ def _nothing_fits(matches: Matches, log: str, chosen: bool, given: str) -> str:
             "docs/guides/add_a_vehicle.md, then run look again with --vehicle FILE; if the log has only joystick axes, "
             "see docs/logs.md)"
         )
+    from auv_gym.param import listed
+
     name = matches.ranked[0]
     missing = matches.missing(name)
-    listed = " and ".join(filter(None, [", ".join(missing[:-1]), missing[-1]]))
     them = "one of them" if len(missing) > 1 else "it"
     joystick = ", or see docs/logs.md if the log has only joystick axes" if matches.thrusters(name) else ""
     return (
-        f"auv-gym look {quote(log)}{given} (this compares the log with all vehicles; {name} needs {listed}, which the "
-        f"log does not have. If another column holds {them}, name that column in a mapping: see --mapping-out"
-        f"{joystick})"
+        f"auv-gym look {quote(log)}{given} (this compares the log with all vehicles; {name} needs "
+        f"{listed(missing)}, which the log does not have. If another column holds {them}, name that column in a "
+        f"mapping: see --mapping-out{joystick})"
     )
 
 

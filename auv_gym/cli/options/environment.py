@@ -45,13 +45,14 @@ def parse_environment_options(
     """The options of an environment, as far as they were given; raises on what is no PATH=VALUE."""
     options: dict[str, Any] = {"vehicle": vehicle, "dt": dt, "duration": duration}
     if effect:
-        options["effects"] = dict(_pair(text) for text in effect)
+        options["effects"] = dict(effect_of(text) for text in effect)
     if randomise:
         options["randomise"] = dict(_range(text) for text in randomise)
     return {name: value for name, value in options.items() if value is not None}
 
 
-def _pair(text: str) -> tuple[str, float]:
+def effect_of(text: str) -> tuple[str, float]:
+    """The path and the value of an effect, from PATH=VALUE."""
     path, separator, value = text.partition("=")
     try:
         return path.strip(), float(value)

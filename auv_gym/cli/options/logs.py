@@ -14,8 +14,8 @@ from auv_gym.cli.options.numbers import DEPTH, TIME_STEP, number
 
 if TYPE_CHECKING:
     from auv_gym.plant import Plant
-    from auv_gym.records.reading import Needs
     from auv_gym.records.record import Record
+    from auv_gym.records.understanding import Needs
 
 ANY_LOG = (
     "Log file: a table (.csv, .txt, .nc, .mat), ROS bag, MCAP, ArduPilot .bin or .tlog, PX4 .ulg, MOOS .alog, a "
@@ -23,7 +23,7 @@ ANY_LOG = (
 )
 FINER = 4  # times, beyond which a log is brought to the vehicle's step: filters take as long as a log has rows
 MOST_ADDED = 2  # times as many samples as the log has; the least interval of its signals may be this much shorter
-_NO_UNIT = ": left out, since its unit is not known."  # as `auv_gym.records.reading` says it
+_NO_UNIT = ": left out, since its unit is not known."  # as `auv_gym.records.mapping` says it
 _FEW = 4  # columns without a unit that are named one by one
 _SHOWN = 12  # lines on what was left out; more are for `auv-gym look`
 

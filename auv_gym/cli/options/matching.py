@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from auv_gym.plant import Plant
     from auv_gym.records.first_look import FirstLook
     from auv_gym.records.mapping import Target
-    from auv_gym.records.reading import Needs
     from auv_gym.records.record import Record
+    from auv_gym.records.understanding import Needs
 
 _MOST_NAMED = 4  # vehicles that match equally well and are named; more are a list of their own
 
@@ -41,7 +41,7 @@ class Matches:
     @cached_property
     def turned(self) -> dict[str, dict[str, Target]]:
         """What becomes of the log's commands of thrusters that a vehicle takes in another unit, by vehicle, channel."""
-        from auv_gym.plant.record_check import convertible_commands
+        from auv_gym.plant.thruster_commands import convertible_commands
 
         return {name: convertible_commands(plant, self.own[name].channels) for name, plant in self.plants.items()}
 
@@ -159,7 +159,7 @@ class Matches:
     @cached_property
     def _places(self) -> dict[str, tuple[int, bool, int, int, bool, int, int]]:
         """What the vehicles are ranked by, the least first."""
-        from auv_gym.plant.record_check import moving_commands
+        from auv_gym.plant.thruster_commands import moving_commands
         from auv_gym.records.mapping import fitting_mappings
 
         own = {fitting.vehicle for fitting in fitting_mappings(self.found.log)}

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from auv_gym.channels import channel
+from auv_gym.param import listed
 from identification.campaign.fits import VEHICLE
 from identification.campaign.index import Row
 from identification.campaign.report import figures
@@ -23,7 +24,6 @@ from identification.campaign.report.wording import (
     table_has_ranges,
 )
 from identification.campaign.rollouts import load_rollout
-from identification.diagnosis.wording import listed
 from identification.pages.drawn_channels import outputs_of
 from identification.pages.model_figures import rollout_figure
 from identification.pages.page import Drawing, Table, drawn

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from auv_gym.channels import channel
+from auv_gym.param import listed
 from identification.campaign.fits import VEHICLE
 from identification.campaign.report.wording import (
     counted,
@@ -19,7 +20,6 @@ from identification.campaign.report.wording import (
     spread,
     table_has_ranges,
 )
-from identification.diagnosis.wording import listed
 from identification.pages.page import Table, amount, number, percent, span
 
 MOST_PARAMETERS = 40  # in one table

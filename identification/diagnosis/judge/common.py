@@ -9,8 +9,9 @@ from itertools import combinations
 import numpy as np
 
 from auv_gym.channels import channel
+from auv_gym.param import listed
 from auv_gym.plant import Plant
-from identification.diagnosis.wording import listed, quantity, short
+from identification.diagnosis.wording import quantity, short
 from identification.fit.validation import FreeRuns
 
 

@@ -2,35 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from auv_gym.channels import channel
-from auv_gym.param import spec_at, value_at
+from auv_gym.param import listed, spec_at, value_at
 from auv_gym.records.attitude import ANGLES
-from identification.deciding import SHORTEST_INTERNAL_WAVE, SLIGHT, STABLE, UNSTEADY
+from identification.deciding import SLIGHT, STABLE, UNSTEADY
 from identification.diagnosis.judge.effects import Effect, Member
+from identification.diagnosis.judge.leftover import beyond_noise, drift_sentence, noise_sentence, rest_sentence, sought
 from identification.diagnosis.judge.result import Result
 from identification.diagnosis.log.parts import logs_in
-from identification.diagnosis.search.dependence import CLOCK
-from identification.diagnosis.wording import (
-    accelerations,
-    capital,
-    inside,
-    interval,
-    lasting_errors,
-    listed,
-    quantity,
-    short,
-    sized,
-    typeset,
-)
+from identification.diagnosis.wording import capital, inside, interval, quantity, short, sized, typeset
 from identification.fit.changing import ChangingPlant, changed, plain
 
 _FEW_DIVES = 6  # dives listed in one sentence
 _FEW_COEFFICIENTS = 4  # coefficients listed in one sentence
-_LASTING = 0.25  # of the longest segment; with a longer correlation time, the noise changes only a few times in it
 _BETTER = 0.95  # of the refitted model's error; the model as given errs less if its error is below that
 
 
@@ -47,7 +33,7 @@ def paragraphs(d: Result) -> list[str]:
             dropped_sentence(d),
             _slight_sentence(d),
         ),
-        (_rest_sentence(d), noise_sentence(d), drift_sentence(d), _currents_sentence(d)),
+        (rest_sentence(d), noise_sentence(d), drift_sentence(d), _currents_sentence(d)),
         (_logs_sentence(d), _limit_sentence(d), averaged_sentence(d), _unseen_sentence(d)),
     )
     joined = (typeset(" ".join(sentence for sentence in group if sentence)) for group in grouped)
@@ -93,12 +79,7 @@ def _sentence(d: Result) -> str:
 
 def _errs_more_than_sensors(d: Result) -> bool:
     """Whether free runs err by more than the sensor noise in any channel, beyond that noise."""
-    return any(_beyond_noise(d, name) > d.noise_of(name) for name in d.after.scores)
-
-
-def _beyond_noise(d: Result, name: str) -> float:
-    """The RMS error of free runs in a channel, after the diagnosis, beyond the noise of its sensor."""
-    return float(np.sqrt(max(d.after.scores[name].rmse ** 2 - d.noise_of(name) ** 2, 0.0)))
+    return any(beyond_noise(d, name) > d.noise_of(name) for name in d.after.scores)
 
 
 def likelier(e: Effect) -> list[Member]:
@@ -214,15 +195,7 @@ def unsteady_sentence(d: Result) -> str:
     if not names:
         return ""
     which = "Its size" if len(names) == len(d.alike) == 1 else f"The size of {listed(names)}"
-    return f"{which} differs between parts of the log: {_sought(d, 'when the effect begins or ends')}."
-
-
-def _sought(d: Result, when: str) -> str:
-    """The command that looks for changes within a log, or between several."""
-    within = f"auv-gym onset looks for {when}"
-    if len(set(d.record.labels)) < 2:
-        return within
-    return f"auv-gym compare-missions compares the logs with each other, and {within}"
+    return f"{which} differs between parts of the log: {sought(d, 'when the effect begins or ends')}."
 
 
 def slight_sentence(d: Result) -> str:
@@ -290,71 +263,6 @@ def _limit_sentence(d: Result) -> str:
     )
 
 
-def _rest_sentence(d: Result) -> str:
-    """The part of the error that nothing explains."""
-    if d.discovery is None:
-        return ""
-    begin = "" if d.verdict == "unexplained" else f"Part of the error remains unexplained{_small(d)}. "
-    begin += left_sentence(d)
-    if d.discovery.holds:
-        terms = listed([t.words for t in d.discovery.terms])
-        begin += f"A term found in the data and confirmed on unseen parts of the log explains part of it: {terms}. "
-    return (begin + (d.habitat.summary() if d.habitat is not None else "")).strip()
-
-
-def _small(d: Result) -> str:
-    """If the remaining error is smaller than every sensor's noise: a clause that says so, and where it is largest."""
-    beyond = {name: _beyond_noise(d, name) for name in d.after.scores}
-    if not all(size < d.noise_of(name) < np.inf for name, size in beyond.items()):
-        return ""
-    most = max(beyond, key=lambda name: beyond[name] / d.noise_of(name))
-    size = quantity(beyond[most], channel(most).unit)
-    return (
-        f", but is smaller than the sensors' noise: free runs of {d.after.unseen.label(most)} miss by {size} beyond it"
-    )
-
-
-def left_sentence(d: Result) -> str:
-    """The evidence that something is left, with a trailing space; empty if there is none."""
-    left, shown = d.left, []
-    for names, what in ((left.coloured, "are correlated in time"), (left.bursts, "come in bursts")):
-        if names:
-            shown.append(f"{what} ({', '.join(channel(name).label for name in names)})")
-    if left.depends:
-        of, pushed = channel(left.depends.signal).label, channel(left.depends.pushed).label
-        law = f"past changes of {of}" if left.depends.remembers else of
-        how = f"as errors of the reading of {pushed}" if left.depends.misread else f"acting on {pushed}"
-        shown.append(f"depend on {law} ({how})")
-    text = f"One-step prediction errors {listed(shown)}. " if shown else ""
-    if left.gusts:
-        pushed = listed([channel(name).label for name in left.gusts])
-        text += (
-            f"Random accelerations ({pushed}) are stronger at some times than at others: something acts now and then. "
-        )
-    if left.slow:
-        pushed = listed([channel(name).label for name in left.slow])
-        text += f"What pushes the vehicle ({pushed}) lasts longer than random noise does: something acts slowly. "
-    if left.misread:
-        misread = listed([channel(name).label for name in left.misread])
-        text += f"Lasting sensor errors ({misread}) are larger at some times than at others. "
-    if left.changes and left.changes not in {*d.dropped, *(e.path for e in d.alike)}:
-        title = spec_at(d.state.plant, left.changes).title or left.changes
-        if left.changes != CLOCK:
-            text += (
-                f"The {title} differs between parts of the log: something changed during the log. "
-                f"{capital(_sought(d, 'when that was'))}. "
-            )
-        elif not replace(left, changes=""):  # if more is left than a clock error would cause, it is hardly the clock
-            text += "What remains acts like a clock of the log whose rate differs between parts of it. "
-    if left.passing:
-        title = spec_at(d.state.plant, left.passing).title or left.passing
-        text += (
-            f"Something began, ended or changed during the log that acts like this effect: {title}. "
-            f"{capital(_sought(d, 'when that was'))}. "
-        )
-    return text
-
-
 def _error_sentence(d: Result) -> str:
     """The free-run errors: before and after, or of the refitted vehicle; and as given if that vehicle errs less."""
     parts, corrected = [], d.before is d.given and d.before is not d.after
@@ -368,7 +276,7 @@ def _error_sentence(d: Result) -> str:
             size = f"{quantity(before.rmse, unit)} {first}, {size} {last}"
         told = ""
         if not d.changed:
-            beyond = _beyond_noise(d, name)
+            beyond = beyond_noise(d, name)
             known = np.isfinite(beyond) and quantity(beyond, unit) != quantity(after.rmse, unit)
             told = f" ({quantity(beyond, unit)} beyond the sensor noise)" if known else ""
         parts.append(f"{label} {size}{told}")
@@ -385,41 +293,6 @@ def _error_sentence(d: Result) -> str:
     elif d.only_pushed:
         why = "Free runs do not include the random accelerations, and may come out worse by chance."
     return f"{told} As given, the model errs less: {'; '.join(given)}. {why}"
-
-
-def noise_sentence(d: Result) -> str:
-    """The process noise that the fit found, or nothing."""
-    if d.noise is None:
-        return ""
-    told = []
-    if d.noise.process:
-        kinds = {"accelerations" if name.endswith("ps") else "drifts" for name in d.noise.process}
-        pushed = accelerations(d.noise.process)
-        told.append(f"Random {' and '.join(sorted(kinds))} push the vehicle (process noise): {pushed}.")
-    for period, pushes in d.noise.swell.items():
-        what = "Accelerations" if all(name.endswith("ps") for name in pushes) else "Drifts"
-        long = period >= SHORTEST_INTERNAL_WAVE
-        takes = f"{period / 60.0:.0f} min" if long else quantity(period, "s")
-        of = "internal waves" if long else "waves"
-        told.append(f"{what} with a period of {takes} push it, as of {of}: {accelerations(pushes)}.")
-    for period, errors in d.noise.lasting.items():
-        how = f"swing with a period of {quantity(period, 's')}" if period else "last"
-        told.append(f"Some sensor errors {how}: {lasting_errors(errors)}.")
-    return " ".join(told)
-
-
-def drift_sentence(d: Result) -> str:
-    """A warning that the process noise varies so slowly that it looks like an effect that begins, ends or grows."""
-    if d.noise is None or d.unexplained:
-        return ""
-    longest = max(float(np.ptp(d.record.time[s])) for s in d.record.segments)
-    names = [channel(name).label for name, (_, time) in d.noise.process.items() if time > _LASTING * longest]
-    if not names:
-        return ""
-    return (
-        f"What pushes {listed(names)} changes so slowly that an effect which begins, ends or grows during the log "
-        f"would look like it: {_sought(d, 'such an effect')}."
-    )
 
 
 def _currents_sentence(d: Result) -> str:

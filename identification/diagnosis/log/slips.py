@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import degrees, radians
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.model import Diverged, simulate
-from auv_gym.param import value_at
+from auv_gym.param import listed, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from auv_gym.records.suspicions import beyond_possible, is_folded, unit_instead
@@ -123,8 +123,8 @@ def impossible_units(record: Record, plant: Plant) -> Slip | None:
     for factor, unit in units:
         names = [name for name, own in found.items() if own == (factor, unit)]
         looks = "looks" if len(names) == 1 else "look"
-        texts.append(f"{_words(names)} {looks} like {unit}, not {channel(names[0]).unit}")
-        mends.append(f"multiply {_words(names)} by {factor:.6g}")
+        texts.append(f"{listed(names)} {looks} like {unit}, not {channel(names[0]).unit}")
+        mends.append(f"multiply {listed(names)} by {factor:.6g}")
     factors = tuple(factor for factor, _ in found.values())
     return Slip("; ".join(texts), "; ".join(mends), tuple(found), factors)
 
@@ -175,10 +175,6 @@ def _unfolded(record: Record, name: str, factor: float, plant: Plant) -> np.ndar
     return result
 
 
-def _words(names: Sequence[str]) -> str:
-    return ", ".join(names[:-1]) + " and " + names[-1] if len(names) > 1 else names[0]
-
-
 def _signs(used: set[str], plant: Plant) -> Iterator[Slip]:
     for name in _TURNED:
         if name not in used:
@@ -209,14 +205,14 @@ def _units(used: set[str]) -> Iterator[Slip]:
         looks = "looks" if len(names) == 1 else "look"
         for factor, unit in _UNITS.get(channel(names[0]).unit, ()):
             like = unit if unit.startswith("ten times") else f"like {unit}"
-            text = f"{_words(names)} {looks} {like}, not {channel(names[0]).unit}"
-            yield Slip(text, f"multiply {_words(names)} by {factor:.6g}", names, (factor,) * len(names))
+            text = f"{listed(names)} {looks} {like}, not {channel(names[0]).unit}"
+            yield Slip(text, f"multiply {listed(names)} by {factor:.6g}", names, (factor,) * len(names))
 
 
 def _exchanges(used: set[str]) -> Iterator[Slip]:
     for pair in _EXCHANGED:
         if used.issuperset(pair):
-            yield Slip(f"{_words(pair)} look exchanged", f"exchange {_words(pair)}", pair, exchanged=True)
+            yield Slip(f"{listed(pair)} look exchanged", f"exchange {listed(pair)}", pair, exchanged=True)
 
 
 def _clocks() -> Iterator[Slip]:

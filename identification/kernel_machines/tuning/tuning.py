@@ -46,6 +46,10 @@ class Tuned(Generic[Settings]):
     evaluations: int
 
 
+def silent(fraction: float, text: str) -> None:
+    pass
+
+
 def anneal(
     settings: LsSvmRegression,
     x: np.ndarray,
@@ -54,7 +58,7 @@ def anneal(
     *,
     weights: np.ndarray | None = None,
     evaluations: int = 400,
-    progress: Progress = lambda fraction, text: None,
+    progress: Progress = silent,
 ) -> Tuned[LsSvmRegression]:
     """Settings with C and sigma found by simulated annealing, with all of the given evaluations."""
     if evaluations < 1:
@@ -80,7 +84,7 @@ def descend(
     weights: np.ndarray | None = None,
     starts: int = 3,
     evaluations: int = 60,
-    progress: Progress = lambda fraction, text: None,
+    progress: Progress = silent,
 ) -> Tuned[LsSvmRegression]:
     """Settings with C and sigma found by L-BFGS-B, with the gradient in closed form.
 
@@ -103,7 +107,7 @@ def descend_each(
     weights: np.ndarray | None = None,
     starts: int = 3,
     evaluations: int = 60,
-    progress: Progress = lambda fraction, text: None,
+    progress: Progress = silent,
 ) -> tuple[Tuned[LsSvmRegression], ...]:
     """Like `descend`, for each output of y (n, m) by itself: m settings, for `fit_each`.
 
@@ -151,10 +155,6 @@ def _descended(
     search.settle(ends, curvature, few)
     progress(1.0, "tuned")
     return search.tuned()
-
-
-def silent(fraction: float, text: str) -> None:
-    pass
 
 
 @dataclass(eq=False)

@@ -11,10 +11,11 @@ import numpy as np
 from auv_gym.channels import unit_per
 from auv_gym.models.linear import StateSpace
 from identification.estimate import Estimate, half_width
+from identification.linear.poles import PoleInterval, pole_intervals
 from identification.linear.regressors import Series
 from identification.linear.scaled import Scaled
 from identification.linear.subspaces.realisation import Realisation
-from identification.linear.uncertainty import PoleInterval, pole_intervals, response_band
+from identification.linear.uncertainty import response_band
 
 _INTEGRATES = 1e-3  # distance of a pole from 1 below which a steady gain has no meaning
 NO_INTERVAL = "subspace estimates have no interval: refine=True gives one"

@@ -8,7 +8,7 @@ from math import isfinite
 
 import numpy as np
 
-from identification.linear.uncertainty import PoleInterval, pole_intervals
+from identification.linear.poles import PoleInterval, pole_intervals
 from identification.pages.drawing import shown_values, unit_label
 from scripts.reproduce.armax.control import LEGS
 from scripts.reproduce.armax.models import DEPTH, LONGER, N_A, OUTPUTS, PUBLISHED, in_degrees, methods

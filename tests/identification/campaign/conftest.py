@@ -10,6 +10,7 @@ from identification.campaign.file.settings import Campaign
 from identification.campaign.fits import fit_models
 from identification.campaign.rollouts import compare_rollouts
 from identification.campaign.running.conduct import conduct
+from tests.identification.campaign.texts import HOPELESS
 
 STUDY = """
 name = "study"
@@ -48,20 +49,17 @@ name = "offset"
 method = "grey_box"
 settings = { free = ["effects.rudder.offset"], window = 100.0 }
 runs = { seeds = [0, 1], "vehicle.effects.rudder.offset" = 0.05 }
-
-[[fit]]
-name = "hopeless"
-method = "arx"
-settings = { n_a = 400 }
-inputs = ["rudder_rad"]
-outputs = ["heading_rad"]
-runs = { seeds = 0 }
+"""
+STUDY += (
+    HOPELESS
+    + """runs = { seeds = 0 }
 
 [compare]
 open_loop = true
 closed_loop = true
 runs = { seeds = 2 }
 """
+)
 
 
 @dataclass(frozen=True)

@@ -1,20 +1,18 @@
-"""Comparison of models: starts, scores, horizons, and the vehicle's environment with a model in its place."""
+"""Comparison of models with a record: starts, scores, and horizons."""
 
 from dataclasses import replace
 
-import gymnasium
 import numpy as np
 import pytest
 
-import auv_gym  # noqa: F401  # registers the environments
 from auv_gym.channels import wrap
 from auv_gym.model import predict, simulate
 from auv_gym.models.linear import Polynomial, StateSpace
-from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
 from controllers.pid import heading_pid
-from identification.compare.comparison import compare_closed, compare_open, fitted_starts, horizon_sweep, stand_in
+from identification.compare.closed_loop import compare_closed
+from identification.compare.comparison import compare_open, fitted_starts, horizon_sweep
 from identification.experiments.excitation import prbs
 from identification.experiments.heading_control import closed_loop
 from identification.linear.polynomials.arx import Arx
@@ -165,47 +163,13 @@ def test_a_horizon_sweep_is_what_predict_gives(record):
         horizon_sweep(TRUTH, record, [0])
 
 
-def make_env(model=None):
-    return gymnasium.make("auv_gym/GliderHeading-v0", vehicle="slocum", duration=200.0, model=model)
-
-
-def test_models_in_the_vehicle_s_place_under_the_same_controller():
-    plant = make_env().unwrapped.plant
-    slow = replace_at(plant, "hull.n_delta", 0.6 * plant.hull.n_delta)
-    late = replace(plant, dt=2.0 * plant.dt)
-    wanted = {"heading_rad": [(0.0, 0.0), (40.0, 1.0)]}
-    found = compare_closed(
-        make_env,
-        heading_pid(plant),
-        {"same": plant, "slow": slow, "late": late},
-        seed=4,
-        targets=wanted,
-        start={"heading_rad": 0.0},
-    )
-    assert found.scales["heading_rad"] == pytest.approx(1.0, abs=0.1)  # the step, from where the compass began
-    assert found.deviations["same"]["heading_rad"].rmse == 0.0
-    slower = found.deviations["slow"]["heading_rad"]
-    assert 1.0 < slower.percent < 50.0
-    assert slower.rmse == pytest.approx(slower.percent / 100.0 * found.scales["heading_rad"])
-    time, difference = found.difference("slow", "heading_rad")
-    assert time.size == difference.size == len(found.vehicle.record)
-    assert "dt=" in found.failed["late"]
-
-
-def test_an_environment_that_ignores_its_model_is_refused():
-    plant = make_env().unwrapped.plant
-    slow = replace_at(plant, "hull.n_delta", 0.6 * plant.hull.n_delta)
-    with pytest.raises(ValueError, match="make_env needs to put the model that it is given into the environment"):
-        compare_closed(lambda model: make_env(), heading_pid(plant), {"slow": slow}, seed=4)
-
-
 def test_a_fit_is_no_model():
     plant = load_vehicle("slocum")
     log = closed_loop(plant, rng=np.random.default_rng(0))
     fit = Arx(["rudder_rad"], ["heading_rad"]).fit(log)
     for compare in (
         lambda: compare_open({"a": fit}, log),
-        lambda: compare_closed(make_env, heading_pid(plant), {"a": fit}, seed=4),
+        lambda: compare_closed(lambda model: None, heading_pid(plant), {"a": fit}, seed=4),
     ):
         with pytest.raises(
             ValueError, match=r"A comparison with 'a' needs a model, .*: give the fit's model, fit.model"
@@ -213,16 +177,3 @@ def test_a_fit_is_no_model():
             compare()
     with pytest.raises(ValueError, match="horizon_sweep needs a list of horizons of at least 1 sample, got 1"):
         horizon_sweep(plant, log, 1)
-
-
-def test_a_model_of_some_channels_is_spliced_into_the_vehicle():
-    plant = load_vehicle("npsauv", dt=1.0)
-    pitch = Polynomial.from_coefficients(
-        a={"pitch_rad": [-1.5, 0.7]}, b={"pitch_rad": {"stern_plane_rad": [-0.1]}}, dt=1.0
-    )
-    stood_in = stand_in(plant, pitch)
-    assert stood_in.outputs == plant.outputs
-    assert stood_in.driven == ("pitch_rad",)
-    assert stand_in(plant, plant) is plant
-    everything = replace(plant, name="other")
-    assert stand_in(plant, everything) is everything

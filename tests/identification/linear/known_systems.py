@@ -1,5 +1,7 @@
 """Linear systems whose coefficients are known, and records of them."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from auv_gym.models.linear import Polynomial
@@ -17,6 +19,7 @@ TRUTH = Polynomial.from_coefficients(
     dt=4.0,
     inputs=INPUTS,
 )
+MOVED = replace(TRUTH, input_offset=np.array([0.03, -0.05]), output_offset=np.array([20.0, 0.1]))
 
 
 def record_of(model, n, rng, noise=0.0, segments=1, start=0.0):

@@ -8,12 +8,12 @@ import pytest
 from identification.compare.comparison import compare_open
 from identification.estimator import notes_of
 from identification.identified import identify
+from identification.linear.poles import pole_intervals
 from identification.linear.regressors import Series
 from identification.linear.scaled import Scaled
 from identification.linear.subspaces.n4sid import N4sid
 from identification.linear.subspaces.pbsid import Pbsid
 from identification.linear.subspaces.refinement import candidate, local_directions, realisation_normal_equations
-from identification.linear.uncertainty import pole_intervals
 from tests.identification.linear.subspaces.test_long_predictor import (
     CHANNELS,
     SLOW,

@@ -10,8 +10,9 @@ from auv_gym.models.linear import Polynomial, StateSpace
 from auv_gym.records.record import Record
 from identification.experiments.excitation import prbs
 from identification.linear.fit import Known, has_errors, is_linear
+from identification.linear.poles import pole_intervals, zeros
 from identification.linear.polynomials.arx import Arx
-from identification.linear.uncertainty import pole_intervals, response_band, simulated_band, zeros
+from identification.linear.uncertainty import response_band, simulated_band
 from tests.identification.linear.known_systems import INPUTS, OUTPUTS, TRUTH, record_of
 
 GIVEN, SEEN = ("stern_plane_rad",), ("q_radps",)

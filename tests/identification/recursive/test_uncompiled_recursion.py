@@ -1,9 +1,6 @@
 """The recursions and the diving model as plain Python give what their compiled forms give."""
 
-import os
-import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +11,7 @@ from identification.recursive.corrected_ivls import CorrectedIvls
 from identification.recursive.ivls import Ivls
 from identification.recursive.refined_iv import RefinedIv
 from identification.recursive.rwls import Rwls
-
-ROOT = Path(__file__).parents[3]
+from tests.plain_python import run_plain
 
 
 def results() -> dict[str, np.ndarray]:
@@ -31,15 +27,7 @@ def results() -> dict[str, np.ndarray]:
 @pytest.mark.slow
 def test_plain_python_agrees_with_compiled_code(tmp_path):
     out = tmp_path / "plain.npz"
-    paths = os.pathsep.join([str(ROOT), str(Path(__file__).parent)])
-    done = subprocess.run(
-        [sys.executable, __file__, str(out)],
-        env={**os.environ, "AUV_GYM_JIT": "0", "PYTHONPATH": paths},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    run_plain(__file__, out)
     with np.load(out) as plain:
         assert not plain["numba_imported"]
         for name, compiled in results().items():

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from auv_gym.channels import conversion
-from auv_gym.records.log import Format, Log, Scope
+from auv_gym.records.log import Log
 
 MAPPINGS = files("auv_gym.records") / "mappings"
 LAYOUTS = {
@@ -70,14 +70,6 @@ def saved(tmp_path: Path, content: bytes, name: str = "00000012.BIN") -> Path:
     path = tmp_path / name
     path.write_bytes(content)
     return path
-
-
-def outcome(form: Format, path: Path) -> Log | str:
-    """The log in a file, or the sentence that refuses it."""
-    try:
-        return form.read(path, Scope())
-    except ValueError as error:
-        return str(error)
 
 
 def sender(system: int, component: int):

@@ -23,11 +23,11 @@ from tests.records.readers.ardupilot_logs import (
     frames,
     layout,
     message,
-    outcome,
     packed,
     saved,
     tlog,
 )
+from tests.records.readers.outcomes import check_refused, outcome
 
 # what the library calls a unit, where we spell it in another way: ours, and our number over its number
 SPELLINGS = {
@@ -272,11 +272,7 @@ BAD = {
 @pytest.mark.parametrize("content, words", BAD.values(), ids=BAD)
 def test_what_is_no_dataflash_log_is_refused_in_a_sentence(tmp_path, content, words, capfd):
     path = saved(tmp_path, content)
-    with pytest.raises(ValueError, match=words) as refused:
-        FORMAT.read(path, Scope())
-    assert str(path) in str(refused.value)
-    assert [*tmp_path.iterdir()] == [path]
-    assert capfd.readouterr() == ("", "")
+    check_refused(FORMAT, path, words, capfd)
 
 
 @given(st.integers(0, len(HEAD) + 300), st.binary(max_size=40))

@@ -11,8 +11,9 @@ from hypothesis import given, strategies as st
 
 import auv_gym.records.readers.moos as moos
 from auv_gym.channels import conversion
-from auv_gym.records.log import Log, Scope
+from auv_gym.records.log import Scope
 from auv_gym.records.readers.moos import FORMAT
+from tests.records.readers.outcomes import check_refused, outcome
 
 START = 1_700_000_000.25
 BANNER = (
@@ -137,25 +138,13 @@ def test_zeros_after_the_log_do_not_fill_the_memory(tmp_path):
 )
 def test_a_file_without_numbers_is_refused_in_a_sentence(tmp_path, content, capfd):
     path = saved(tmp_path, content)
-    with pytest.raises(ValueError, match="is no MOOS log with numbers") as refused:
-        FORMAT.read(path, Scope())
-    assert str(path) in str(refused.value)
-    assert [*tmp_path.iterdir()] == [path]
-    assert capfd.readouterr() == ("", "")
-
-
-def outcome(path: Path) -> Log | str:
-    """The log in a file, or the sentence that refuses it."""
-    try:
-        return FORMAT.read(path, Scope())
-    except ValueError as error:
-        return str(error)
+    check_refused(FORMAT, path, "is no MOOS log with numbers", capfd)
 
 
 @given(st.binary(max_size=200))
 def test_any_bytes_are_read_or_refused(tmp_path_factory, content):
     path = saved(tmp_path_factory.mktemp("any"), BANNER.encode() + content)
-    found = outcome(path)
+    found = outcome(FORMAT, path)
     assert str(path) in found if isinstance(found, str) else found.groups or found.notes
 
 

@@ -14,6 +14,7 @@ import auv_gym.records.readers.seaexplorer as seaexplorer
 from auv_gym.channels import conversion
 from auv_gym.records.log import Log, Scope
 from auv_gym.records.readers.seaexplorer import FORMAT
+from tests.records.readers.outcomes import check_refused, outcome
 
 HEADER = (
     "Timestamp;NavState;SecurityLevel;Heading;Declination;Pitch;Roll;Depth;Temperature;Pa;Lat;Lon;DesiredH;BallastCmd;"
@@ -163,25 +164,13 @@ BAD = {
 @pytest.mark.parametrize("content, words", BAD.values(), ids=BAD)
 def test_what_is_no_such_file_is_refused_in_a_sentence(tmp_path, content, words, name, capfd):
     path = saved(tmp_path, content, name)
-    with pytest.raises(ValueError, match=words) as refused:
-        FORMAT.read(path, Scope())
-    assert str(path) in str(refused.value)
-    assert [*tmp_path.iterdir()] == [path]
-    assert capfd.readouterr() == ("", "")
-
-
-def outcome(path: Path) -> Log | str:
-    """The log in a file, or the sentence that refuses it."""
-    try:
-        return FORMAT.read(path, Scope())
-    except ValueError as error:
-        return str(error)
+    check_refused(FORMAT, path, words, capfd)
 
 
 @given(st.integers(0, 700), st.binary(max_size=60))
 def test_any_cut_and_any_bytes_after_it_are_read_or_refused(tmp_path_factory, cut, rest):
     path = saved(tmp_path_factory.mktemp("cut"), (HEADER + ROWS).encode()[:cut] + rest)
-    found = outcome(path)
+    found = outcome(FORMAT, path)
     assert str(path) in found if isinstance(found, str) else found.groups[0].rows > 0
 
 

@@ -1,7 +1,5 @@
 """The forces of every kind of part: plain and compiled alike, levers, power, symmetry, and numbers by hand."""
 
-import os
-import subprocess
 import sys
 from functools import cache
 from pathlib import Path
@@ -17,6 +15,7 @@ from part_forces import DENSITY, GRAVITY, KINDS, PLACE, WATER, every_kind, motio
 from auv_gym.vehicles.body.kinds import part_kinds
 from auv_gym.vehicles.body.parts.fin import Fin, lift_and_drag
 from auv_gym.vehicles.body.parts.thruster import CURVES, read_curve
+from tests.plain_python import run_plain
 
 ROWS = motions(11)
 U = ROWS[:, :3]
@@ -39,9 +38,7 @@ def test_every_kind_and_form_is_tried():
 
 @pytest.mark.slow
 def test_plain_python_gives_what_compiled_code_gives(tmp_path):
-    script = Path(__file__).with_name("part_forces.py")
-    environment = {**os.environ, "AUV_GYM_JIT": "0"}
-    subprocess.run([sys.executable, script, tmp_path / "plain.npz"], check=True, env=environment)
+    run_plain(Path(__file__).with_name("part_forces.py"), tmp_path / "plain.npz")
     plain = np.load(tmp_path / "plain.npz")
     assert set(plain) == set(compiled_forces())
     for name, forces in compiled_forces().items():

@@ -1,9 +1,6 @@
 """The hybrid LRAUV Tethys, which is a file only: it trims, glides, swims, and is flown, fitted and diagnosed."""
 
 import json
-import os
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +13,7 @@ from auv_gym.plant.cruise import command_ranges
 from identification.diagnosis import diagnose
 from identification.experiments.missions import run_mission
 from identification.fit.greybox import GreyBox
+from tests.plain_python import run_plain
 
 FILE = Path(__file__).parents[3] / "examples" / "vehicles" / "tethys.toml"
 BIAS = 6e-5  # m^3
@@ -91,11 +89,7 @@ print(json.dumps(told))
 @pytest.fixture(scope="module")
 def plain():
     """What the program above tells of it."""
-    environment = {**os.environ, "AUV_GYM_JIT": "0", "PYTHONPATH": str(FILE.parents[2])}
-    run = [sys.executable, "-c", PLAIN, str(FILE)]
-    done = subprocess.run(run, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    return json.loads(run_plain("-c", PLAIN, FILE))
 
 
 def test_it_trims_at_the_speed_at_which_thrust_and_drag_balance(plain):

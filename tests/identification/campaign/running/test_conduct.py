@@ -18,6 +18,7 @@ from identification.campaign.index import read_index, rows_from_run_files, run_f
 from identification.campaign.running import conduct as conducting
 from identification.campaign.running.conduct import conduct
 from identification.campaign.running.perform import Outcome, content_hash, perform
+from tests.identification.campaign.texts import DEEP
 
 TEXT = """
 name = "short"
@@ -240,21 +241,7 @@ def _raises(error):
 
 
 def test_a_run_that_leaves_its_envelope_keeps_its_record(tmp_path):
-    text = """
-name = "deep"
-[vehicle]
-preset = "qiandao_float"
-[experiment]
-kind = "env"
-id = "FloatDepth"
-duration_s = 900.0
-depths = [1.0, 20.0]
-start = { depth_m = 39.0 }
-targets = { depth_m = [[0, 200.0]] }
-[controller]
-kind = "pid"
-"""
-    (tmp_path / "deep.toml").write_text(text)
+    (tmp_path / "deep.toml").write_text(DEEP)
     result = conduct(read_campaign(tmp_path / "deep.toml"), tmp_path / "out")
     assert [row.status for row in result.rows] == ["ended"]
     assert "too deep" in result.rows[0].reason

@@ -10,6 +10,7 @@ import pytest
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
 from identification.diagnosis.judge.effects import AsCoefficient, Coefficient, Effect, Member
+from identification.diagnosis.judge.leftover import _small, drift_sentence, left_sentence, noise_sentence
 from identification.diagnosis.judge.result import RARE, VARIES, WORSE
 from identification.diagnosis.judge.summary import (
     _error_sentence,
@@ -17,13 +18,9 @@ from identification.diagnosis.judge.summary import (
     _likelier_sentence,
     _refitted_sentence,
     _sentence,
-    _small,
     _tied_sentence,
     averaged_sentence,
-    drift_sentence,
     dropped_sentence,
-    left_sentence,
-    noise_sentence,
     slight_sentence,
     unsteady_sentence,
 )

@@ -6,7 +6,7 @@ import pytest
 from auv_gym.models.linear import Polynomial
 from auv_gym.records.record import Record
 from identification.linear.polynomials.arx import Arx
-from tests.identification.linear.known_systems import INPUTS, OUTPUTS, TRUTH, record_of
+from tests.identification.linear.known_systems import INPUTS, MOVED, OUTPUTS, TRUTH, record_of
 
 
 def test_without_noise_the_coefficients_come_back_to_rounding():
@@ -59,20 +59,11 @@ def test_segments_and_records_keep_their_lags_apart():
 
 
 def test_the_operating_point_is_found_beside_an_integrator():
-    moved = Polynomial(
-        TRUTH.a,
-        TRUTH.b,
-        INPUTS,
-        OUTPUTS,
-        4.0,
-        input_offset=np.array([0.03, -0.05]),
-        output_offset=np.array([20.0, 0.1]),
-    )
-    record = record_of(moved, 300, np.random.default_rng(2))
+    record = record_of(MOVED, 300, np.random.default_rng(2))
     fit = Arx(INPUTS, OUTPUTS, n_a=(3, 2)).fit(record)
     np.testing.assert_allclose(fit.model.a, TRUTH.a, atol=1e-7)
     # many offsets are one equation; its constant is what the data tell
-    np.testing.assert_allclose(constant_of(fit.model), constant_of(moved), atol=1e-6)
+    np.testing.assert_allclose(constant_of(fit.model), constant_of(MOVED), atol=1e-6)
     assert np.all(np.abs(fit.model.input_offset) < 0.1)  # near the data, although the depth integrates
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from auv_gym.models.files import load_model, save_model
-from auv_gym.models.linear import Polynomial, StateSpace
+from auv_gym.models.linear import StateSpace
 from auv_gym.records.record import Record
 from identification.linear.subspaces.n4sid import N4sid
-from tests.identification.linear.known_systems import INPUTS, OUTPUTS, TRUTH, record_of
+from tests.identification.linear.known_systems import INPUTS, MOVED, OUTPUTS, TRUTH, record_of
 
 OMEGA = np.array([0.02, 0.1, 0.3, 0.7])  # rad/s; Nyquist is at pi / 4 s
 
@@ -53,22 +53,13 @@ def driven(model, n, rng, noise=0.0, level=0.0):
 
 
 def test_the_operating_point_is_found_beside_an_integrator():
-    moved = Polynomial(
-        TRUTH.a,
-        TRUTH.b,
-        INPUTS,
-        OUTPUTS,
-        4.0,
-        input_offset=np.array([0.03, -0.05]),
-        output_offset=np.array([20.0, 0.1]),
-    )
-    record = record_of(moved, 400, np.random.default_rng(2))
+    record = record_of(MOVED, 400, np.random.default_rng(2))
     model = N4sid(INPUTS, OUTPUTS, order=5).fit(record).model
     # an integrator leaves many operating points; all drift alike under the inputs of the true one
-    x = model.initial(moved.output_offset)
+    x = model.initial(MOVED.output_offset)
     for _ in range(60):
-        x = model.step(x, moved.input_offset)
-    np.testing.assert_allclose(model.step(x, moved.input_offset), x, atol=1e-7)
+        x = model.step(x, MOVED.input_offset)
+    np.testing.assert_allclose(model.step(x, MOVED.input_offset), x, atol=1e-7)
     assert np.all(np.abs(model.input_offset) < 0.1)
 
 
