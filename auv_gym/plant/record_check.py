@@ -17,6 +17,7 @@ from auv_gym.plant.thruster_commands import STILL, TOLERANCE, check_commands, co
 from auv_gym.records.gliding import glide_attack
 from auv_gym.records.record import Record
 from auv_gym.records.understanding import Needs
+from auv_gym.records.unread import only_readings
 
 FEW = 0.01  # share of wild readings that are left out; more of them indicate a wrong sign or unit
 _MOSTLY = 0.5  # share of a log that is most of it: of values in another unit, of samples left out, or of deep ones
@@ -229,7 +230,8 @@ def described(plant: Plant, record: Record) -> Record:
 
     `elapsed_s` includes what is left out, since effects that grow with time continue there: it counts from the
     beginning of the log, or over all dives of a vehicle whose dives may differ (`Family.by_dive`).  Channels that never
-    change are left out, too, see `_never_read`.  Raises ValueError if nothing is left.
+    change are left out, too, see `_never_read`, and values that only repeat and single spikes are no readings,
+    see `auv_gym.records.unread`.  Raises ValueError if nothing is left.
     """
     lines = [
         f"The log has no {channel(name).label} ({name}): {plant.constants[name]:g}{unit_after(name)} is assumed "
@@ -254,7 +256,8 @@ def described(plant: Plant, record: Record) -> Record:
             f"{'it is' if len(still) == 1 else 'they are'} left out."
         )
         kept = kept.without(still)
-    new = [line for line in lines if line not in kept.notes]
+    kept, unread = only_readings(kept, [name for name in plant.outputs if kept.has(name)])
+    new = [line for line in (*lines, *unread) if line not in kept.notes]
     return kept.with_notes([*kept.notes, *new]) if new else kept
 
 

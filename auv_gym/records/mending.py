@@ -65,10 +65,11 @@ def on_dropped(variables: Mapping[str, Any], missing: np.ndarray) -> list[str]:
     share = 100.0 * missing.mean()
     names = " or ".join(lost) if len(lost) < 3 else f"{', '.join(lost[:2])} or others"
     were = "was" if missing.sum() == 1 else "were"
-    return [
-        f"{int(missing.sum()):,} of {missing.size:,} samples ({share:.2g} %) {were} dropped, where {names} had no "
-        "value; the record is cut there."
-    ]
+    kept = np.flatnonzero(~missing)
+    inside = missing[kept[0] : kept[-1]].any()
+    what_then = "value; the record is cut there." if inside else "value, at the beginning or end of the record."
+    dropped = f"{int(missing.sum()):,} of {missing.size:,} samples ({share:.2g} %) {were} dropped"
+    return [f"{dropped}, where {names} had no {what_then}"]
 
 
 def check_runs(name: str, time: np.ndarray, values: np.ndarray, max_fill: int) -> None:

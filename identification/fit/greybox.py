@@ -11,6 +11,7 @@ from auv_gym.param import check_count, check_names, replace_at, spec_at, value_a
 from auv_gym.plant import Plant, check_vehicle
 from auv_gym.plant.record_check import check_ranges
 from auv_gym.records.record import Record, concat, records_of
+from auv_gym.records.unread import only_readings
 from identification.estimate import Estimate
 from identification.fit.followed import Point
 from identification.fit.further_noises import further_noises
@@ -107,6 +108,8 @@ class GreyBox:
         records = records_of("GreyBox.fit", records)
         record = records[0] if len(records) == 1 else concat(records)
         check_ranges(self.plant, record)
+        record, lines = only_readings(record, [name for name in self.plant.outputs if record.has(name)])
+        record = record.with_notes([*record.notes, *lines]) if lines else record
         window = self.plant.window if self.window is None else self.window
         windows = free_run_windows(self.plant, record, window)
         if not windows:

@@ -14,3 +14,18 @@ def test_one_sample_was_dropped_and_several_were(lost, words):
     heading = np.where(missing, np.nan, 0.1)
     (line,) = on_dropped({"heading_rad": (("time_s",), heading, {})}, missing)
     assert line.startswith(words)
+
+
+@pytest.mark.parametrize(
+    "lost, ends",
+    [
+        ([0], "no value, at the beginning or end of the record."),
+        ([48, 49], "no value, at the beginning or end of the record."),
+        ([0, 20], "no value; the record is cut there."),
+    ],
+)
+def test_a_record_is_cut_only_where_samples_inside_it_are_dropped(lost, ends):
+    missing = np.isin(np.arange(50), lost)
+    heading = np.where(missing, np.nan, 0.1)
+    (line,) = on_dropped({"heading_rad": (("time_s",), heading, {})}, missing)
+    assert line.endswith(ends)

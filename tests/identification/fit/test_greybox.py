@@ -160,3 +160,13 @@ def test_stiction_is_found_by_its_size():
     (size,) = (e for e in fit.estimates if e.path == path)
     assert size.value == pytest.approx(0.12, rel=0.03)
     assert size.ci95[0] <= 0.12 <= size.ci95[1]
+
+
+def test_values_that_a_log_repeats_are_no_readings():
+    """Of a heading that is read in every second row, the repeats would look like a slower compass."""
+    log = slocum_log(5, duration=1200.0)
+    held = log.with_channels({"heading_rad": log["heading_rad"][np.arange(len(log)) // 2 * 2]})
+    fit = GreyBox(load_vehicle("slocum"), FREE).fit(held)
+    low, high = fit["effects.compass.lag"].ci95
+    assert low < TRUTH["effects.compass.lag"] < high
+    assert fit.record.notes[-1].startswith("heading_rad repeats the last value in many rows")
