@@ -158,6 +158,9 @@ TERM_LEAST = float(chi2.isf(0.01, 1))
 """The same for a term; terms are many, and none is expected.  Source: 0.5 % point of one parameter, one-sided."""
 TERM_SHARE = 0.1
 """Share of the evidence for a term that parts must foretell of each other.  Source: convention."""
+HELD_BACK = float(norm.isf(MISSED / 2.0))
+"""Standard errors by which a log asks for an effect beyond the limit of its size, so that the limit is not its size.
+Source: `MISSED`, the limit is not in the 95 % interval."""
 IDLE = 2.0
 """Standard errors within which one of two components is dropped.  Source: `MISSED`, two-sided, rounded."""
 ALIKE = 0.9

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -42,16 +42,23 @@ def sized(
 
 
 def usable_log(record: Record, plant: Plant, asked: Asked, side: str = "") -> CheckedLog:
-    """Check a record for use; raises ValueError, with the side's name, if it cannot be used or looks mislabelled."""
+    """Check a record for use; raises ValueError, with the side's name, if it cannot be used or surely is mislabelled.
+
+    If effects may explain what looks like a slip, as a dead rudder does, a note says so.
+    """
     named = f"The log {side}".rstrip()
     try:
         log = check_log(record, plant, asked)
     except ValueError as error:
         raise ValueError(f"{named}: {error}" if side else str(error)) from None
-    if log.slipped:
-        told = "; ".join(d.text for d in log.doubts if d.slip is not None)
+    if not log.slipped:
+        return log
+    told = "; ".join(d.text for d in log.doubts if d.slip is not None)
+    if log.firm:
         raise ValueError(f"{named} looks mislabelled: {told}. Correct the log, or use --trust to continue anyway.")
-    return log
+    trusted = check_log(record, plant, replace(asked, trust=True))
+    note = f"{named} may be mislabelled: {told}. An effect may be the reason instead."
+    return replace(trusted, record=trusted.record.with_notes([*trusted.record.notes, note]))
 
 
 def refuse_overlaps(missions: Mapping[str, Record]) -> None:

@@ -14,13 +14,13 @@ from identification.changes.onset import FROM, Forms, searched_in_time
 from identification.changes.times import Located, moved_to_best, placed
 from identification.deciding import PROMISED
 from identification.diagnosis.log.parts import OneLog
-from identification.diagnosis.search.acceptance import effect_size, weighed
+from identification.diagnosis.search.acceptance import weighed
 from identification.diagnosis.search.attribution import settled
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, screen
 from identification.diagnosis.search.constancy import sizes_by_dive
 from identification.diagnosis.search.known import Known
-from identification.diagnosis.search.trials import Progress
+from identification.diagnosis.search.trials import Progress, size_in
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.changing import ChangingPlant, Course, change, changed
 
@@ -140,7 +140,7 @@ def step_elsewhere(bench: Workbench, common: State, both: State, path: str, side
     evidence -= 2.0 * bench.problem.objective(both.point, both.paths)
     if evidence < bar:
         return None
-    size = effect_size(state.plant, added, moved.problem.bounds(added))
+    size = size_in(moved, state, added)
     gained = weighed(
         moved,
         placed(moved, here, {})[1],

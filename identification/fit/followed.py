@@ -11,7 +11,7 @@ import numpy as np
 
 from auv_gym.plant import Correction
 from identification.deciding import COST, LEAST_PROCESS
-from identification.fit.kalman import System, run_filter
+from identification.fit.kalman import System, run_filter, start_slopes
 from identification.fit.linearised import Linearised
 
 _KNOWN_STARTS = 64  # points whose starts are known to tell so much
@@ -194,14 +194,31 @@ class Followed(Linearised):
         held = self._known_by_starts.get(key)
         if held is not None and held[0]() is point.system:
             return held[1]
-        numbers = self._numbers(point.logs)
-        wide, narrow = (run_filter(point.system, *numbers, start=start).spreads for start in (self.widest, None))
-        less = float((narrow - wide).sum())
+        less = self._narrower(point, point.system)
         found = less if np.isfinite(less) else 0.0
         while len(self._known_by_starts) >= _KNOWN_STARTS:
             self._known_by_starts.pop(next(iter(self._known_by_starts)), None)
         self._known_by_starts[key] = ref(point.system), found
         return found
+
+    def _narrower(self, point: Point, system: System) -> float:
+        """Half the logarithm of the determinant of all innovations' covariance, less that with the `widest` starts.
+
+        If each stretch begins anew, it follows from the slopes by the starts (the matrix determinant lemma), in a
+        fraction of the time of a filter.
+        """
+        numbers = self._numbers(point.logs)
+        if self.carried.any():
+            diagonal = np.einsum("rcc->rc", point.whiten)[self.finite]
+            return -float(np.log(diagonal).sum() + run_filter(system, *numbers, start=self.widest).spreads.sum())
+        slopes, own, total = start_slopes(system, point.gains, point.whiten, numbers[2]), np.eye(len(self.live)), 0.0
+        for w in range(len(self.stretches)):
+            wide = np.diag(self.widest[w])
+            here = slopes[:, self.stretch_of_row == w].reshape(len(own), -1) * wide[:, None]
+            units = np.where(wide > 0.0, wide, 1.0)
+            less = own - (system.start[w] / units).T @ (system.start[w] / units)
+            total -= 0.5 * float(np.linalg.slogdet(own + less @ (here @ here.T))[1])
+        return total
 
     @cached_property
     def _known_by_starts(self) -> dict[tuple[int, bytes], tuple[ref[System], float]]:

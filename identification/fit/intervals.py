@@ -313,7 +313,7 @@ def profile_interval(
     A side without such a fall ends at the bound.  For an effect with jumps, a side ends at the tried value that shows
     the fall.  The filter's gains are held, as in the fit of the parameters: with new gains, the profile would also
     count the information in the colour of the errors, which the estimates and their covariance leave out.
-    error: standard error of the path, in its unit; the first step is based on it.
+    error: standard error of the path, in its unit; the first step is based on it.  0 if the slope is zero.
     way: (P,), in scales, the change of all paths with this one to first order.  For a vehicle that turns away from its
     course with hardly any process noise, a fit from farther away does not find the compensating parameters.
     """
@@ -324,6 +324,8 @@ def profile_interval(
     found = []
     for side, limit in zip((-1.0, 1.0), limits, strict=True):
         inner, drop_inner, step, near = value, 0.0, 1.5 * max(error, 1e-3 * problem.scale(path)), point
+        if not error > 0.0 and np.isfinite(limit):  # no slope, as where an actuator has no travel left
+            step = 0.5 * abs(limit - value)
         edge = limit
         for _ in range(_PROFILED):
             tried = float(np.clip(inner + side * step, *limits))

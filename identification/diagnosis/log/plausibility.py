@@ -53,7 +53,7 @@ class Doubt:
     were not fitted.  mend: what to do.  slip: for `undone`; None if no slip explains the log.  instead: other slips
     that would explain it as well.
     firm: whether it holds without trying effects first; a clock or scale slip that leaves more than noise may be an
-    effect.
+    effect, and so may commands that do little.
     """
 
     text: str
@@ -148,7 +148,7 @@ def log_doubts(record: Record, plant: Plant, windows: Sequence[slice], settle: f
         gain = min(_gain(slip, plant, *pair) for pair in pairs)
         if gain >= SLIP_GAIN and max(here.total, there.total) <= SLIP_LEFT:
             noise = max(error for match in (here, there) for error in (0.0, *match.noise.values()))
-            firm = not slip.scales or noise <= CLEAN
+            firm = not slip.scales or (noise <= CLEAN and not slip.weakens(plant))
             found.append(_Mended(there.total, _moved(plant, here.plant, paths), gain, slip, firm))
     if found:
         return (_doubt(found),)

@@ -87,6 +87,10 @@ class Slip:
         """Whether it only scales a signal or time, as a gain, a lag or a drag can."""
         return not self.exchanged and all(f > 0.0 for f in self.factors)
 
+    def weakens(self, plant: Plant) -> bool:
+        """Whether it makes commands smaller, as does an actuator that has lost much or all of its effect."""
+        return set(self.channels) <= set(plant.inputs) and any(f < 1.0 for f in self.factors)
+
 
 def possible_slips(record: Record, plant: Plant) -> tuple[Slip, ...]:
     """The slips that can have happened to a record of this plant, in the channels that the plant uses."""

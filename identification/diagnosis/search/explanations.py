@@ -29,7 +29,7 @@ from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.survival import Survival, halves_of
 from identification.diagnosis.search.ties import imitations, likenesses
-from identification.diagnosis.search.trials import Trial
+from identification.diagnosis.search.trials import Trial, size_in
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.changing import ChangingPlant, changed
 from identification.fit.sensitivities import TRIAL_GAIN
@@ -263,7 +263,7 @@ def _replaced(bench: Workbench, first: Explanation, number: int, others: Sequenc
 def _possible(bench: Workbench, made: Explanation, trial: Trial) -> bool:
     """Whether an effect is within the limits of its size, if its trial without the later effects was not."""
     own = [p for p in trial.candidate.free if p in made.state.paths] if trial.objection == LIMITED else []
-    return not any(effect_size(made.state.plant, p, bench.problem.bounds(p)).limited for p in own)
+    return not any(size_in(bench, made.state, p).limited for p in own)
 
 
 def _needing_less(bench: Workbench, own: Explanation, number: int, cost: float) -> Iterator[Explanation]:

@@ -8,13 +8,14 @@ from functools import partial
 
 import numpy as np
 
-from auv_gym.param import replace_at, spec_at
+from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.threads import side_by_side
 from identification.deciding import (
     CLOSE,
     CLOSER,
     FINALISTS,
+    HELD_BACK,
     HERE,
     HOPELESS,
     LEAST_TRACE,
@@ -24,7 +25,7 @@ from identification.deciding import (
     SEEN,
     SHORT_LIST,
 )
-from identification.diagnosis.search.acceptance import Weighed, effect_size, weighed
+from identification.diagnosis.search.acceptance import Size, Weighed, effect_size, weighed
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, Regression, Screening, part_of
 from identification.diagnosis.search.workbench import State, Workbench, tried
@@ -264,23 +265,52 @@ def begun_from(bench: Workbench, state: State, base: State, screening: Screening
     return Begun(screening, first, promise)
 
 
-def _finished(bench: Workbench, state: State, begun: Begun, count: int) -> Trial:
-    """The trial of a begun candidate, fitted with the noises that suit it."""
-    near, paths = begun.state, begun.state.paths
-    if near.quiet:
-        near = State(near.plant, paths, bench.problem.renewed(near.point, state.point.logs, paths))
-    return judged(bench, state, begun.screening.candidate, begun.screening, near, count)
-
-
 def all_finished(bench: Workbench, state: State, begun: Sequence[Begun], count: int) -> list[Trial]:
-    """The trials of begun candidates; the first one is fitted even if no time is left."""
+    """The trials of begun candidates, fitted with the noises that suit them.
 
-    def finish(one: Begun) -> Trial | None:
-        if one is not begun[0] and not bench.goes_on(_FITTING):
+    The first one is fitted even if no time is left.  The others begin in its place at its end if that is likelier:
+    many candidates act almost alike.
+    """
+    if not begun:
+        return []
+    first, *others = begun
+
+    def finish(one: Begun, led: Trial | None = None) -> Trial | None:
+        if led is not None and not bench.goes_on(_FITTING):
             return None
-        return _finished(bench, state, one, count)
+        near, paths = one.state, one.state.paths
+        if near.quiet:
+            near = State(near.plant, paths, bench.problem.renewed(near.point, state.point.logs, paths))
+        if led is not None and led.state is not None and led.state.finite:
+            near = _likelier(bench, near, _in_place(bench, state, one, first, led.state))
+        return judged(bench, state, one.screening.candidate, one.screening, near, count)
 
-    return [trial for trial in side_by_side(finish, begun) if trial is not None]
+    led = finish(first)
+    later = side_by_side(lambda one: finish(one, led), others)
+    return [trial for trial in (led, *later) if trial is not None]
+
+
+def _in_place(bench: Workbench, state: State, one: Begun, first: Begun, reached: State) -> State:
+    """A begun candidate at the end of the first one's fit, in its place, of a size that has grown as much."""
+    own, other = one.screening.candidate, first.screening.candidate
+    grown = 1.0
+    if len(other.paths) == 1:
+        (path,) = other.paths
+        begun, ended = (
+            value_at(plant, path) - value_at(state.plant, path) for plant in (first.state.plant, reached.plant)
+        )
+        grown = ended / begun if begun else 1.0
+    values = {p: value_at(one.state.plant, p) for p in own.free}
+    for p in own.paths:
+        neutral = value_at(state.plant, p)
+        values[p] = float(np.clip(neutral + grown * (values[p] - neutral), *bench.problem.bounds(p)))
+    plant = replace_at(reached.plant, {p: value_at(state.plant, p) for p in other.free} | values)
+    return State(plant, one.state.paths, bench.problem.with_gains(reached.point, plant.vector))
+
+
+def _likelier(bench: Workbench, one: State, other: State) -> State:
+    objective = bench.problem.objective
+    return other if other.finite and objective(other.point, other.paths) > objective(one.point, one.paths) else one
 
 
 def finalists_of(begun: Sequence[Begun], plain: Collection[str], least: float) -> list[Begun]:
@@ -353,8 +383,30 @@ def gate(
         intervals = bench.intervals(after)
         return [intervals[path][2] for path in paths]
 
-    sizes = [effect_size(after.plant, path, bench.problem.bounds(path)) for path in paths]
+    sizes = [size_in(bench, after, path) for path in paths]
     return weighed(bench, before, after, sizes, reach, threshold(count + tried, len(free)), soon)
+
+
+def size_in(bench: Workbench, state: State, path: str) -> Size:
+    """The size of a fitted effect; it counts as limited only if the record asks for more than its bound allows.
+
+    A thruster that has lost all of its thrust is at a bound, and is best described there.
+    """
+    size = effect_size(state.plant, path, bench.problem.bounds(path))
+    return replace(size, limited=size.limited and _held_back(bench, state, path))
+
+
+def _held_back(bench: Workbench, state: State, path: str) -> bool:
+    """Whether the errors of a state ask for a value beyond the bound at which a path is: `HELD_BACK` deviations more.
+
+    It is a score test (Rao 1948, Mathematical Proceedings of the Cambridge Philosophical Society 44) with all other
+    fitted parameters free.
+    """
+    problem, value = bench.problem, value_at(state.plant, path)
+    regression = Regression(problem, state.point, [p for p in state.paths if p != path], 0.0)
+    (slope,) = regression.beside(problem.flat_slopes(state.point, [path]))
+    outward = 1.0 if value > spec_at(state.plant, path).neutral else -1.0
+    return float(outward * (slope @ regression.left)) > HELD_BACK * float(np.linalg.norm(slope))
 
 
 def _first_values(plant: Plant, screening: Screening) -> list[tuple[float, ...]]:

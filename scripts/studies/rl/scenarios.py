@@ -204,7 +204,7 @@ _SCENARIOS = (
             **{f"effects.t{k}.gain": (0.8, 1.2) for k in range(1, 9)},
         },
         coefficients=("hull.surge.u_u", "hull.sway.v_v", "hull.heave.w_w", "hull.yaw.r_r"),
-        rows=(TRUE, BELIEVED, DIAGNOSED, RANDOMISED),
+        rows=(TRUE, BELIEVED, DIAGNOSED, RANDOMISED, STACKED),
         controllers=("pid", "gpc"),
         channel="north_m",
         command="t1_share",

@@ -273,6 +273,20 @@ def test_the_likelihood_is_that_of_any_starts():
     assert problem.total(points[1]) - problem.total(points[0]) < linear[1] - linear[0] - 5.0
 
 
+@pytest.mark.parametrize("swelling", [False, True])
+def test_what_wide_starts_cost_follows_from_the_slopes_by_the_starts(swelling):
+    log = glider_log(60, push=0.002, tau=30.0, rows=400)
+    problem = PredictionErrors(GLIDER, log, [slice(k, k + 20) for k in range(0, 380, 21)])
+    swell = {10.0: {"r_radps": (0.001, 40.0)}} if swelling else {}
+    noise = Noise(SENSORS, {"r_radps": (0.002, 30.0)}, swell)
+    problem = problem.with_noises_of(noise)
+    point = problem.point(GLIDER.vector, problem.logs_of(noise))
+    numbers = problem._numbers(point.logs)
+    wide, own = (run_filter(point.system, *numbers, start=start).spreads.sum() for start in (problem.widest, None))
+    assert own - wide < -1.0
+    assert problem.marginal(point) - problem.total(point) == pytest.approx(own - wide, rel=1e-9)
+
+
 def test_better_noises_are_found_about_the_path_of_a_step_with_the_gains_held(pushed):
     problem = PredictionErrors(GLIDER, pushed, whole(pushed))
     wrong = problem.solve(GLIDER, COEFFICIENTS)  # with accelerations instead of the offset
@@ -451,6 +465,18 @@ def test_a_profile_of_a_smooth_parameter_is_its_interval_and_ends_at_a_bound(pus
     low, high = profile_interval(problem, beside, (*PATHS, lag), lag, 0.05, 1.96, None)
     assert low == 0.0  # a lag is not negative
     assert 0.0 < high < 2.0
+
+
+def test_a_profile_leaves_a_range_in_which_nothing_changes():
+    """Without any travel left, a further loss changes nothing: there is no slope, and yet a smallest size."""
+    lost = "effects.rudder.lost_travel"
+    stop = GLIDER.hull.rudder_limit
+    log = run_mission(replace_at(GLIDER, lost, 1.0), np.random.default_rng(1), duration=600.0)
+    problem = PredictionErrors(GLIDER, log, whole(log))
+    point = problem.solve(replace_at(GLIDER, lost, 0.9), (lost,))
+    low, high = profile_interval(problem, point, (lost,), lost, 0.0, 1.96, None)
+    assert low == pytest.approx(stop, rel=0.1)
+    assert high == 1.0
 
 
 def test_a_profile_follows_what_makes_up_for_its_parameter(pushed, monkeypatch):

@@ -15,6 +15,7 @@ from identification.diagnosis.log.plausibility import Match, _fitted, _possible,
 from identification.diagnosis.log.slips import Slip, impossible_units, possible_slips, undone
 from identification.diagnosis.log.thruster_slips import likely_slips, thruster_slips
 from identification.experiments.hovering import hover
+from identification.experiments.missions import run_mission
 from identification.fit.shooting import Shooting
 from identification.fit.windows import free_run_windows
 from scripts.studies.slips import doubts, log_of, slipped
@@ -156,6 +157,14 @@ def test_a_slipped_clock_that_leaves_only_noise_is_doubted_firmly(logs, text):
     (doubt,) = doubts(slipped(record, slip_called(record, plant, text), plant), plant)
     assert doubt.text.startswith(text)
     assert doubt.firm
+
+
+@pytest.mark.parametrize("path, value", [("effects.rudder.lost_travel", 1.0), ("effects.rudder.gain", 0.05)])
+def test_a_rudder_that_hardly_acts_is_not_taken_for_one_in_other_units(logs, path, value):
+    plant, _ = logs["slocum"]
+    found = doubts(run_mission(replace_at(plant, path, value), np.random.default_rng(3), duration=1200.0), plant)
+    assert [doubt.text for doubt in found] == ["rudder_rad looks like degrees, not rad"]
+    assert not found[0].firm
 
 
 def test_only_signs_and_columns_are_beyond_any_effect(logs):

@@ -13,7 +13,7 @@ from identification.diagnosis import diagnose
 from identification.diagnosis.judge import holding, remaining, reporting, scoring
 from identification.diagnosis.judge.result import LEANS, RARE, WORSE
 from identification.diagnosis.judge.sizes import coefficient_of, size_as_effect, twin_effects
-from identification.diagnosis.search import acceptance, searching
+from identification.diagnosis.search import acceptance, searching, trials
 from identification.diagnosis.search.acceptance import EFFECT, TERM, Claim, Size, at_limit, objection
 from identification.diagnosis.search.attribution import Round, attribute, confirmed, without_idle_parts
 from identification.diagnosis.search.bars import threshold
@@ -129,7 +129,7 @@ def test_the_bar_is_that_of_a_chi_squared_shared_among_all_candidates():
     assert threshold(40, 2) == pytest.approx(-2.0 * np.log(1e-3 / 40))  # chi-squared of two: exponential
 
 
-def test_the_gate_counts_free_components_and_tried_periods_and_asks_the_sizes_of_the_state():
+def test_the_gate_counts_free_components_and_tried_periods_and_asks_the_sizes_of_the_state(monkeypatch):
     both = Candidate("current", ("effects.current.north", "effects.current.east"))
     start, after = state_of(PLANT), with_probes(dict.fromkeys(both.paths, 5.0))
     screening = trial_of(both).screening
@@ -143,6 +143,7 @@ def test_the_gate_counts_free_components_and_tried_periods_and_asks_the_sizes_of
     assert asked(threshold(COUNT, 2) + 0.1, replace(screening, tried=50)) == acceptance.INSIGNIFICANT
     assert asked(threshold(COUNT + 49, 2) + 0.1, replace(screening, tried=50)) == ""
     assert asked(100.0, error=2.0) == acceptance.UNSURE
+    monkeypatch.setattr(trials, "_held_back", lambda bench, state, path: True)
     assert asked(100.0, known=5.0) == acceptance.LIMITED  # at the bound that prior knowledge sets
     assert asked(100.0, known=5.1) == ""
     assert asked(100.0, stable=False) == acceptance.DIVERGES

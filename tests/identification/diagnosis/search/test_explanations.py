@@ -12,7 +12,7 @@ import pytest
 from auv_gym.param import replace_at, spec_at, value_at
 from identification.deciding import FEW_STATES, LEAST_PROBABLE, PRICE, TIE
 from identification.diagnosis.log.parts import parts_of
-from identification.diagnosis.search import explanations as module
+from identification.diagnosis.search import explanations as module, trials
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.explanations import (
@@ -148,6 +148,7 @@ def test_what_only_a_limit_spoke_against_is_asked_again_beside_what_came_later(b
     chosen, other = first.trials
     first = replace(first, trials=(chosen, replace(other, objection=module.LIMITED)), tied=())
     monkeypatch.setattr(Sets, "problem", SimpleNamespace(bounds=lambda path: bounds), raising=False)
+    monkeypatch.setattr(trials, "_held_back", lambda bench, state, path: True)
     found = weighed({(A, B): 100.0, (C, B): 100.0, (C,): 50.0}, first, later)
     (told, _) = tied_rounds(found, [first, later], [SURVIVED] * 2)
     assert [t.candidate.paths for t in told.tied] == members

@@ -13,7 +13,7 @@ from auv_gym.plant import load_vehicle
 from identification.deciding import HOPELESS
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search import trials
-from identification.diagnosis.search.acceptance import UNSURE
+from identification.diagnosis.search.acceptance import LIMITED, UNSURE
 from identification.diagnosis.search.attribution import selected
 from identification.diagnosis.search.candidates import Candidate, Screening, candidates_of, screen
 from identification.diagnosis.search.trials import FAR_LESS, NO_TRACE, UNSEEN, UNSTABLE, trials_of
@@ -48,6 +48,42 @@ def test_the_right_one_is_accepted_and_leads(tried):
     assert tried[OFFSET].objection == ""
     assert max(tried.values(), key=lambda t: t.total) is tried[OFFSET]
     assert value_at(tried[OFFSET].state.plant, OFFSET) == pytest.approx(0.05, abs=0.01)
+
+
+@pytest.mark.parametrize("turned, objection", [(False, ""), (True, LIMITED)])
+def test_an_effect_may_be_at_the_limit_of_its_size_if_the_log_asks_for_no_more(turned, objection):
+    """A rudder with the least gain is at the limit; so is one whose angles are logged with the wrong sign."""
+    plant, least = QUICK, spec_at(QUICK, GAIN).bounds[0]
+    record = run_mission(plant if turned else replace_at(plant, GAIN, least), np.random.default_rng(1), duration=1200.0)
+    if turned:
+        record = record.with_channels({"rudder_rad": -record["rudder_rad"]})
+    bench = Workbench(plant, record, parts_of(plant, record), 0.1)
+    (found,) = selected(bench, bench.fit(plant, ()), [Candidate("", (GAIN,))], 1, ()).trials
+    assert value_at(found.state.plant, GAIN) == pytest.approx(least, abs=1e-3)
+    assert found.objection == objection
+
+
+def test_a_candidate_that_acts_like_the_first_begins_where_its_fit_has_ended(start, monkeypatch):
+    bench, state, candidates = start
+    begun, nears = [], []
+    monkeypatch.setattr(trials, "all_finished", lambda bench, state, found, count: begun.extend(found) or [])
+    trials_of(bench, state, candidates, len(candidates), quiet, ())
+    monkeypatch.undo()
+    first = next(b for b in begun if b.screening.candidate.paths == (OFFSET,))
+    other = next(b for b in begun if b is not first)
+    twin = replace(first, screening=replace(first.screening, candidate=Candidate("twin", (OFFSET,))))
+
+    def judged(bench, state, candidate, screening, near, count):
+        nears.append(near)
+        return own(bench, state, candidate, screening, near, count)
+
+    own = trials.judged
+    monkeypatch.setattr(trials, "judged", judged)
+    led, *_ = trials.all_finished(bench, state, [first, twin, other], len(candidates))
+    near = next(n for n in nears[1:] if n.paths == first.state.paths)
+    assert near.plant.vector == pytest.approx(led.state.plant.vector, rel=1e-12)
+    unlike = next(n for n in nears[1:] if n.paths != first.state.paths)
+    assert value_at(unlike.plant, "hull.n_r") != value_at(led.state.plant, "hull.n_r")
 
 
 def test_what_is_chosen_passes_all_that_the_gate_asks(start, tried, monkeypatch):
