@@ -11,12 +11,14 @@ import numpy as np
 from auv_gym.param import spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
+from identification.deciding import FEW_STATES
 from identification.diagnosis.log.checking import Asked, CheckedLog, check_log
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import Candidate, candidates_of
 from identification.diagnosis.search.known import Known
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.changing import changed
+from identification.fit.parameters import jumps
 
 
 @dataclass(frozen=True)
@@ -34,8 +36,14 @@ def sized(
     added: float = 0.0,
     bounds: tuple[float, float] = (-np.inf, np.inf),
 ) -> Sized:
-    """A sum of fitted parameters, each multiplied by its share, with its interval."""
+    """A sum of fitted parameters, each multiplied by its share, with its interval.
+
+    The interval of one effect with jumps, whose slopes say nothing of other sizes, is that of its likelihood profile.
+    """
     value = added + sum(share * value_at(state.plant, p) for p, share in shares.items())
+    if list(shares.values()) == [1.0] and jumps(*shares):
+        low, high = bench.interval(state, *shares)
+        return Sized(value, (added + low, added + high))
     half = bench.half_width_of(state, shares)
     low, high = np.clip([value - half, value + half], *bounds)
     return Sized(float(np.clip(value, *bounds)), (float(low), float(high)))
@@ -87,9 +95,14 @@ class Changeable:
 
     @classmethod
     def of(cls, plant: Plant, record: Record, doubt: float) -> Changeable:
-        """The parts of a plant that may change, except effects with a period or effects not smooth in size."""
+        """The parts of a plant that may change, except effects with a period.
+
+        For a vehicle with many states, effects with jumps are left out, too: each size needs its own runs.
+        """
         doubted = (p for p in plant.doubted if plant.deviation(p, doubt) > 0.0 and value_at(plant, p) != 0.0)
-        return cls(tuple(c for c in candidates_of(plant, record) if c.sloped), tuple(doubted))
+        few = len(plant.family.states) <= FEW_STATES
+        effects = (c for c in candidates_of(plant, record) if c.sloped or (c.jumps and few))
+        return cls(tuple(effects), tuple(doubted))
 
     @property
     def paths(self) -> list[str]:

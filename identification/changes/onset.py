@@ -132,7 +132,8 @@ class Forms:
         groups = tuple(tuple(in_form(own, name) for name in courses if kind_of(name) == kind) for kind in kinds)
         if number is None:
             return cls(None, groups)
-        return cls(own, groups, tuple(in_form(own, f"{kind}{number}") for kind in (BETWEEN, OUTSIDE)))
+        spans = (BETWEEN, OUTSIDE) if own.sloped else ()  # found from slopes
+        return cls(own, groups, tuple(in_form(own, f"{kind}{number}") for kind in spans))
 
     @property
     def paths(self) -> set[str]:

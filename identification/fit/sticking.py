@@ -12,17 +12,20 @@ from identification.fit.changing import ChangingPlant, changed
 
 _RANGE, _STEP = (0.3, 9.0), 1.01  # of the sizes, in probes, and from one to the next; of alike ones, one is kept
 _APART = 0.3  # relative difference between two movements, from which on both are tried
-# sizes, since each one costs a run of the vehicle in each screening: of vehicles up to so many states, and of others
+# sizes, since each one costs a run of the vehicle in each screening: of vehicles up to so many states; fewer of others,
+# and of effects that may act at any of many times
 _MOST, _MANY_STATES, _FEWER = 150, 6, 50
 
 
 def sticking_sizes(plant: Plant, record: Record, path: str) -> tuple[float, ...]:
     """Sizes of stiction, in probes, with which an actuator follows the commands of a record in different ways.
 
-    One size for each way, at most 150, or 50 for a vehicle in six degrees of freedom, which takes longer: a command
-    that is followed or missed changes all that comes after it, so that sizes 1 % apart may have little in common.
+    One size for each way, at most 150, or 50 for a vehicle in six degrees of freedom or an effect that acts at some
+    times only, which take longer: a command that is followed or missed changes all that comes after it, so that sizes
+    1 % apart may have little in common.
     Empty if no size within the range of the parameter makes a difference.
     """
+    always = not changed(path)[0]
     while changed(path)[0]:
         path = changed(path)[1]
     spec, plain = spec_at(plant, path), plant.plain if isinstance(plant, ChangingPlant) else plant
@@ -44,7 +47,7 @@ def sticking_sizes(plant: Plant, record: Record, path: str) -> tuple[float, ...]
     # the sum of relative changes from one size to the next, along which ways are an equal distance apart
     relative = np.minimum(apart / np.maximum(np.minimum(effect[1:], effect[:-1]), 1e-300), 1.0)
     along = np.r_[0.0, np.cumsum(relative)]
-    most = _MOST if len(plant.family.states) <= _MANY_STATES else _FEWER
+    most = _MOST if always and len(plant.family.states) <= _MANY_STATES else _FEWER
     ways = np.minimum(np.floor(along / max(_APART**2, along[-1] / most)), most - 1)
     acts = effect > 0.0
     return tuple(float(np.median(sizes[acts & (ways == way)])) for way in np.unique(ways[acts]))

@@ -54,6 +54,14 @@ def test_a_change_far_beyond_the_others_leaves_them_room_in_the_picture(size, sc
     assert ("logarithmic beyond 1" in axes.get_xlabel()) == (scale == "symlog")
 
 
+def test_a_rudder_that_has_begun_to_stick_is_what_changed():
+    plant, stiction = load_vehicle("slocum"), "effects.rudder.stiction"
+    stuck = closed_loop(replace_at(plant, stiction, 0.15), rng=np.random.default_rng(2), duration=800.0)
+    (only,) = compare_missions(mission(1), stuck, plant).changed
+    assert only.path == stiction
+    assert only.after.ci95[0] <= 0.15 <= only.after.ci95[1]
+
+
 @pytest.mark.slow
 def test_an_effect_that_is_new_is_named_with_its_size_on_either_side(tmp_path):
     plant = load_vehicle("slocum")

@@ -69,6 +69,16 @@ def test_a_rudder_that_goes_off_is_named_with_the_time():
     assert timeline_summary(found)[0].startswith("Rudder offset, 1.7")
 
 
+def test_a_rudder_that_begins_to_stick_is_named_with_the_time():
+    plant, stiction = load_vehicle("slocum"), "effects.rudder.stiction"
+    stuck = replace_at(plant, stiction, 0.15)
+    moving = Changing.glider(plant, lambda t: stuck if t >= 300.0 else plant)
+    (only,) = find_onsets(closed_loop(moving, rng=np.random.default_rng(5), duration=800.0), plant, most=1).found
+    assert (only.path, only.form) == (stiction, "from")
+    assert only.time.ci95[0] <= 300.0 <= only.time.ci95[1]
+    assert only.size.ci95[0] <= 0.15 <= only.size.ci95[1]  # by its profile: slopes would say a hundredth of its width
+
+
 @pytest.mark.parametrize(
     "ahead, chosen, tied",
     [(5.0, "b", ("a",)), (20.0, "b", ()), (-5.0, "a", ("b",)), (-20.0, "a", ())],
