@@ -97,5 +97,6 @@ def short(title: str) -> str:
 
 
 def capital(text: str) -> str:
-    """A text with a capital first letter, to begin a sentence; a name such as `thruster_2` stays as it is."""
-    return text if "_" in text.partition(" ")[0] else f"{text[:1].upper()}{text[1:]}"
+    """A text with a capital first letter, to begin a sentence; `thruster_2` and `auv-gym` stay as they are."""
+    first = text.partition(" ")[0]
+    return text if "_" in first or first == "auv-gym" else f"{text[:1].upper()}{text[1:]}"

@@ -117,7 +117,7 @@ def test_which_effects_differ_between_parts_is_said():
 
 CHANGES = (
     "The yaw moment from u r differs between parts of the log: something changed during the log. "
-    "Auv-gym onset looks for when that was. "
+    "auv-gym onset looks for when that was. "
 )
 
 
