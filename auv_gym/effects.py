@@ -44,7 +44,7 @@ _ON_COMMANDS: Mapping[str, tuple[float, str, str, tuple[float, float], str]] = {
     "lag": (0.0, "{} lag (time constant)", "s", (0.0, 60.0), f"samples shorter than the lag, {_QUICK}"),
     "slowness": (0.0, "{} rate limit, as time per angle", "s/U", (0.0, 200.0), "steps of the {} of different sizes"),
     "lost": (0.0, "share of the {} lost", "1", (0.0, 1.0), ""),
-    "stuck": (0.0, "{} stuck, 1 for wholly", "1", (0.0, 1.0), ""),
+    "stuck": (0.0, "{} stuck (1 for wholly)", "1", (0.0, 1.0), ""),
     "stuck_at": (0.0, "angle at which the {} is stuck", "U", (-1.6, 1.6), ""),
 }
 

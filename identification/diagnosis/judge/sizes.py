@@ -16,10 +16,12 @@ from identification.diagnosis.judge.selected import selected_interval
 from identification.diagnosis.search.acceptance import Size, at_limit, weighed
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.bars import threshold
+from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.constancy import steadiness
 from identification.diagnosis.search.explanations import UNWEIGHED, Explanations
 from identification.diagnosis.search.survival import Survival
 from identification.diagnosis.search.workbench import State, Workbench
+from identification.diagnosis.wording import quantity
 from identification.fit.changing import changed
 
 Sizes = Mapping[str, tuple[float, float, float]]  # value, standard error and half-width of the interval, by path
@@ -49,14 +51,13 @@ def effects_of(
         if others:
             groups.append((*own, *others))
         bar = threshold(count + r.chosen.screening.tried - 1, len(r.chosen.candidate.free))
-        period = r.chosen.candidate.period
-        with_period = f" with a period of {value_at(state.plant, period):.3g} s" if period else ""
+        set_to = _set_to(state.plant, r.chosen.candidate)
         for path in own:
             spec, steady = spec_at(state.plant, path), steadiness(bench, state, [path])
             effects.append(
                 Effect(
                     path=path,
-                    title=_title(spec.title, path, state) + with_period,
+                    title=_title(spec.title, path, state, set_to),
                     value=sizes[path][0],
                     neutral=spec.neutral,
                     unit=spec.unit,
@@ -76,10 +77,23 @@ def effects_of(
     return effects, groups
 
 
-def _title(title: str, path: str, state: State) -> str:
-    """The title of an effect; "change of ..." for an effect of some logs beside the same effect in all of them."""
+def _title(title: str, path: str, state: State, set_to: str) -> str:
+    """The title of an effect, with its setting before a remark in brackets, as in "rudder stuck at 5.7 deg (...)".
+
+    It is "change of ..." for an effect of some logs beside the same effect in all of them.
+    """
     form, own = changed(path)
+    name, bracket, remark = title.partition(" (")
+    title = f"{name}{set_to}{bracket}{remark}"
     return f"change of {title}" if form and own in state.paths else title
+
+
+def _set_to(plant: Plant, candidate: Candidate) -> str:
+    """An effect's setting in words, "" without one."""
+    if not candidate.setting:
+        return ""
+    value = quantity(value_at(plant, candidate.setting), spec_at(plant, candidate.setting).unit)
+    return f" with a period of {value}" if candidate.periodic else f" at {value}"
 
 
 def _member(bench: Workbench, found: Explanations, path: str, beside: Sequence[str]) -> Member | None:

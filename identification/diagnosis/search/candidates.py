@@ -24,8 +24,10 @@ TOGETHER = (
     ("steady current", ("effects.current.north", "effects.current.east")),
     ("internal-wave heave", ("effects.water.heave_sin", "effects.water.heave_cos")),
 )
-# A period has no meaning while the amplitudes are zero, so it is searched for and then fitted with them.
+# A setting of an effect has no meaning while the effect is absent, so it is searched for and then fitted with it: the
+# period of a heave, and where an actuator is stuck.
 PERIODS = {"effects.water.heave_sin": "effects.water.heave_period"}
+_STUCK, _AT, _PLACES = ".stuck", "_at", 5  # endings of the paths; places over the range of the commands
 COMMON_DELAY = "effects.clock.delay"
 MOST_PERIODS = 64
 _ONE_SIDED = 1.645  # a normal estimate falls this many standard errors below its mean in 5 % of cases
@@ -35,16 +37,16 @@ KINKED_STEPS = (1.0, 5.0)  # steps, in probes, for slopes near a corner, instead
 
 @dataclass(frozen=True)
 class Candidate:
-    """One effect, or the components of one, that the model may be missing; period: path of its period, or ""."""
+    """One effect, or the components of one, that the model may be missing; setting: path of its setting, or ""."""
 
     title: str
     paths: tuple[str, ...]
-    period: str = ""
+    setting: str = ""
 
     @property
     def free(self) -> tuple[str, ...]:
         """The paths that a fit of the candidate frees."""
-        return (*self.paths, self.period) if self.period else self.paths
+        return (*self.paths, self.setting) if self.setting else self.paths
 
     def in_form(self, form: str, title: str) -> Candidate:
         """The candidate as a change of a `ChangingPlant`."""
@@ -69,9 +71,14 @@ class Candidate:
         return jumps(self.paths[0])
 
     @property
+    def periodic(self) -> bool:
+        """Whether its setting is a period."""
+        return self.setting in PERIODS.values()
+
+    @property
     def sloped(self) -> bool:
         """Whether its slope at neutral describes it: false for an effect with a period or with jumps."""
-        return not self.period and not self.jumps
+        return not self.periodic and not self.jumps
 
 
 @dataclass(frozen=True)
@@ -81,7 +88,7 @@ class Screening:
     estimate: (len(paths),), in probes.  evidence: twice the gain in log-likelihood that it promises.
     seen: share of the signature that neither coefficients nor initial states can imitate.
     detectable: (len(paths),), the size in the parameters' units that this record would show with 95 % probability.
-    unseen: why it cannot be seen, or "".  period: s, the best one of the `tried`; NaN if it has none.
+    unseen: why it cannot be seen, or "".  setting: the best one of the `tried`; NaN if it has none.
     beside: changes of the fitted parameters in the regression with it, in their scales; empty if unseen.
     together: evidence for all candidates of its part of the vehicle together, and the number of parameters; both 0 if
     parts are not tested.
@@ -93,7 +100,7 @@ class Screening:
     seen: float
     detectable: np.ndarray
     unseen: str = ""
-    period: float = np.nan
+    setting: float = np.nan
     tried: int = 1
     beside: np.ndarray = field(default_factory=lambda: np.empty(0))
     together: tuple[float, int] = (0.0, 0)
@@ -146,8 +153,25 @@ def _grouped(plant: Plant, free: Sequence[str]) -> list[Candidate]:
         paths = tuple(p for p in paths if p in free)
         used.update(paths)
         if paths[0] not in PERIODS.values():
-            found.append(Candidate(title, paths, PERIODS.get(paths[0], "")))
+            found.append(Candidate(title, paths, _setting_of(plant, paths[0])))
     return found
+
+
+def _setting_of(plant: Plant, path: str) -> str:
+    """The path of an effect's setting, "" for an effect without one."""
+    at = path + _AT
+    return at if path.endswith(_STUCK) and at in list_paths(plant) else PERIODS.get(path, "")
+
+
+def settings_of(plant: Plant, record: Record, candidate: Candidate) -> np.ndarray:
+    """The settings to try: periods, or places over the range of the commands of the actuator that may be stuck."""
+    if candidate.periodic:
+        return periods_of(record)
+    of = f"{part_of(candidate.paths[0])}_"
+    commands = next((record[name] for name in plant.inputs if name.startswith(of) and record.has(name)), None)
+    if commands is None:
+        return np.array([value_at(plant, candidate.setting)])
+    return np.linspace(np.nanmin(commands), np.nanmax(commands), _PLACES)
 
 
 def _moved(plant: Plant, record: Record) -> int:
@@ -219,20 +243,20 @@ def deviations_shown(threshold: float) -> float:
     return float(np.sqrt(threshold)) + _ONE_SIDED
 
 
-def _best_period(regression: Regression, candidate: Candidate, point: Point) -> Screening:
-    """The screening of a candidate at the period with the most evidence."""
+def _best_setting(regression: Regression, candidate: Candidate, point: Point) -> Screening:
+    """The screening of a candidate at the setting with the most evidence."""
     problem = regression.problem
-    periods = periods_of(problem.record)
-    if not periods.size:
+    settings = settings_of(problem.plant, problem.record, candidate)
+    if not settings.size:
         size = len(candidate.paths)
         unseen = "its phase is not known from one segment to the next"
         return Screening(candidate, np.zeros(size), 0.0, 0.0, np.full(size, np.inf), unseen)
     found = []
-    for period in periods:
+    for setting in settings:
         vector = point.vector.copy()
-        vector[problem.index[candidate.period]] = period
-        found.append(replace(regression.of([candidate], vector)[0], period=float(period)))
-    return replace(max(found, key=lambda s: s.evidence), tried=periods.size)
+        vector[problem.index[candidate.setting]] = setting
+        found.append(replace(regression.of([candidate], vector)[0], setting=float(setting)))
+    return replace(max(found, key=lambda s: s.evidence), tried=settings.size)
 
 
 _Signed = tuple[Screening, np.ndarray, np.ndarray]  # see `Regression._signed`
@@ -273,8 +297,11 @@ class Regression:
 
     def screened(self, candidates: Sequence[Candidate]) -> list[Screening]:
         """The screenings of candidates, see `screen`."""
-        result = self.of([c for c in candidates if not c.period])
-        result += [_best_period(self, c, self.point) for c in candidates if c.period]
+        result = self.of([c for c in candidates if not c.setting])
+        together = {part_of(s.candidate.paths[0]): s.together for s in result}
+        for candidate in (c for c in candidates if c.setting):
+            own = together.get(part_of(candidate.paths[0]), (0.0, 0))
+            result.append(replace(_best_setting(self, candidate, self.point), together=own))
         return sorted(result, key=lambda s: -s.evidence)
 
     def shown(self, sizes: Mapping[str, float]) -> dict[str, float]:

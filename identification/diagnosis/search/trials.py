@@ -60,7 +60,7 @@ class Trial:
 
     @property
     def price(self) -> float:
-        """The evidence that a second component or the search for a period is expected to gain by chance."""
+        """The evidence that a second component or the search for a setting is expected to gain by chance."""
         return PRICE * (len(self.candidate.paths) - 1 + float(np.log(self.screening.tried)))
 
     @property
@@ -246,14 +246,14 @@ def begun_from(bench: Workbench, state: State, base: State, screening: Screening
     """
     problem, candidate = bench.problem, screening.candidate
     paths = (*state.paths, *candidate.free)
-    period = {candidate.period: screening.period} if candidate.period else {}
+    setting = {candidate.setting: screening.setting} if candidate.setting else {}
     vectors = [
-        replace_at(base.plant, dict(zip(candidate.paths, values, strict=True)) | period).vector
+        replace_at(base.plant, dict(zip(candidate.paths, values, strict=True)) | setting).vector
         for values in _first_values(base.plant, screening)
     ]
     points = [problem.with_gains(base.point, vector) for vector in vectors]
     if screening.beside.size:  # if its signature is largely imitated, fitted parameters and initial states move too
-        moved = replace_at(base.plant, period).vector
+        moved = replace_at(base.plant, setting).vector
         step = np.r_[screening.beside, screening.estimate]
         vector = problem.moved_vector(moved, (*state.paths, *candidate.paths), step)
         points.append(problem.descended(problem.with_gains(base.point, vector), ()))
@@ -370,7 +370,7 @@ def gate(
     """The evidence for candidates as one change of the model, and the objection to it.
 
     Only paths that are still free in `after` count.
-    count: number of all candidates, for the bar; the tried periods are added.  soon: make a first judgement, by
+    count: number of all candidates, for the bar; the tried settings are added.  soon: make a first judgement, by
     responses where there are any, and by intervals for white errors of known noise.
     """
     free = [p for candidate, _ in added for p in candidate.free if p in after.paths]

@@ -10,7 +10,14 @@ from auv_gym.records.record import Record
 from identification.deciding import SEEN
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search import candidates
-from identification.diagnosis.search.candidates import COMMON_DELAY, Candidate, candidates_of, periods_of, screen
+from identification.diagnosis.search.candidates import (
+    COMMON_DELAY,
+    Candidate,
+    candidates_of,
+    periods_of,
+    screen,
+    settings_of,
+)
 from identification.diagnosis.search.trials import trials_of
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.experiments.missions import run_mission
@@ -144,9 +151,9 @@ def test_a_period_is_sought_and_counted_and_has_no_phase_over_segments():
     state = bench.fit(bench.plant, ())
     (found,) = screen(bench.problem, state.point, (), [heave], BAR)
     assert found.tried == len(periods_of(record)) > 30
-    assert found.period == pytest.approx(300.0, rel=0.2)
+    assert found.setting == pytest.approx(300.0, rel=0.2)
     assert found.evidence > BAR
-    assert value_at(state.plant, paths[2]) != found.period
+    assert value_at(state.plant, paths[2]) != found.setting
 
 
 def test_periods_go_from_the_records_length_to_four_samples():
@@ -154,6 +161,18 @@ def test_periods_go_from_the_records_length_to_four_samples():
     periods = periods_of(record)
     assert (periods.max(), periods.min()) == pytest.approx((record.duration_s, 4.0 * record.sample_interval))
     assert np.all(np.diff(1.0 / periods) <= 0.5 / record.duration_s * (1.0 + 1e-9))
+
+
+def test_where_an_actuator_is_stuck_is_sought_over_the_range_of_its_commands():
+    time, plant = np.arange(0.0, 20.0, 0.1), load_vehicle("npsauv")
+    record = Record.from_arrays(time, {"rudder_rad": 0.2 * np.sin(time), "depth_m": 10.0 + 0.0 * time})
+    stuck = {c.paths[0]: c for c in candidates_of(plant, record) if c.setting}
+    assert set(stuck) == {f"effects.{fin}.stuck" for fin in ("rudder", "stern_plane", "bow_plane")}
+    rudder = stuck["effects.rudder.stuck"]
+    assert rudder.free == ("effects.rudder.stuck", "effects.rudder.stuck_at")
+    assert (rudder.sloped, rudder.periodic) == (True, False)
+    assert settings_of(plant, record, rudder) == pytest.approx(np.linspace(-0.2, 0.2, 5), abs=1e-3)
+    assert settings_of(plant, record, stuck["effects.bow_plane.stuck"]).tolist() == [0.0]  # no commands were logged
 
 
 def test_a_delay_of_all_readings_is_sought_where_it_is_not_one_commands_dead_time():

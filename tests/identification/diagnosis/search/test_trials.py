@@ -63,6 +63,18 @@ def test_an_effect_may_be_at_the_limit_of_its_size_if_the_log_asks_for_no_more(t
     assert found.objection == objection
 
 
+def test_a_rudder_that_is_stuck_is_found_with_where_it_is():
+    plant, stuck = load_vehicle("npsauv"), "effects.rudder.stuck"
+    true = replace_at(plant, {stuck: 1.0, f"{stuck}_at": 0.1})
+    record = run_mission(true, np.random.default_rng(3), duration=60.0)
+    bench = Workbench(plant, record, parts_of(plant, record, 4), 0.1)
+    (own,) = (c for c in candidates_of(plant, record) if c.paths == (stuck,))
+    (found,) = selected(bench, bench.fit(plant, ()), [own], 1, ()).trials
+    assert found.objection == ""
+    assert value_at(found.state.plant, stuck) == pytest.approx(1.0, abs=0.02)
+    assert value_at(found.state.plant, f"{stuck}_at") == pytest.approx(0.1, abs=0.005)
+
+
 def test_a_candidate_that_acts_like_the_first_begins_where_its_fit_has_ended(start, monkeypatch):
     bench, state, candidates = start
     begun, nears = [], []
