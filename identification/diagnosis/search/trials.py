@@ -24,6 +24,7 @@ from identification.deciding import (
     PROMISED,
     SEEN,
     SHORT_LIST,
+    TIE,
 )
 from identification.diagnosis.search.acceptance import Size, Weighed, effect_size, weighed
 from identification.diagnosis.search.bars import threshold
@@ -268,8 +269,8 @@ def begun_from(bench: Workbench, state: State, base: State, screening: Screening
 def all_finished(bench: Workbench, state: State, begun: Sequence[Begun], count: int) -> list[Trial]:
     """The trials of begun candidates, fitted with the noises that suit them.
 
-    The first one is fitted even if no time is left.  The others begin in its place at its end if that is likelier:
-    many candidates act almost alike.
+    The first one is fitted even if no time is left.  Another one begins in its place, at its end, if it explains the
+    record as well there (`TIE`): many candidates act almost alike.
     """
     if not begun:
         return []
@@ -282,7 +283,8 @@ def all_finished(bench: Workbench, state: State, begun: Sequence[Begun], count: 
         if near.quiet:
             near = State(near.plant, paths, bench.problem.renewed(near.point, state.point.logs, paths))
         if led is not None and led.state is not None and led.state.finite:
-            near = _likelier(bench, near, _in_place(bench, state, one, first, led.state))
+            swapped = _in_place(bench, state, one, first, led.state)
+            near = swapped if bench.gain(swapped, led.state) < TIE else near
         return judged(bench, state, one.screening.candidate, one.screening, near, count)
 
     led = finish(first)
@@ -306,11 +308,6 @@ def _in_place(bench: Workbench, state: State, one: Begun, first: Begun, reached:
         values[p] = float(np.clip(neutral + grown * (values[p] - neutral), *bench.problem.bounds(p)))
     plant = replace_at(reached.plant, {p: value_at(state.plant, p) for p in other.free} | values)
     return State(plant, one.state.paths, bench.problem.with_gains(reached.point, plant.vector))
-
-
-def _likelier(bench: Workbench, one: State, other: State) -> State:
-    objective = bench.problem.objective
-    return other if other.finite and objective(other.point, other.paths) > objective(one.point, one.paths) else one
 
 
 def finalists_of(begun: Sequence[Begun], plain: Collection[str], least: float) -> list[Begun]:
