@@ -64,9 +64,8 @@ def usable_log(record: Record, plant: Plant, asked: Asked, side: str = "") -> Ch
     told = "; ".join(d.text for d in log.doubts if d.slip is not None)
     if log.firm:
         raise ValueError(f"{named} looks mislabelled: {told}. Correct the log, or use --trust to continue anyway.")
-    trusted = check_log(record, plant, replace(asked, trust=True))
     note = f"{named} may be mislabelled: {told}. An effect may be the reason instead."
-    return replace(trusted, record=trusted.record.with_notes([*trusted.record.notes, note]))
+    return replace(log, doubts=(), record=log.record.with_notes([*log.record.notes, note]))
 
 
 def refuse_overlaps(missions: Mapping[str, Record]) -> None:

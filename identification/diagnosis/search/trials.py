@@ -279,13 +279,17 @@ def all_finished(bench: Workbench, state: State, begun: Sequence[Begun], count: 
     def finish(one: Begun, led: Trial | None = None) -> Trial | None:
         if led is not None and not bench.goes_on(_FITTING):
             return None
+        return judged(bench, state, one.screening.candidate, one.screening, begin(one, led), count)
+
+    def begin(one: Begun, led: Trial | None) -> State:
+        if led is not None and led.state is not None and led.state.finite:
+            swapped = _in_place(bench, state, one, first, led.state)
+            if bench.gain(swapped, led.state) < TIE:
+                return swapped
         near, paths = one.state, one.state.paths
         if near.quiet:
             near = State(near.plant, paths, bench.problem.renewed(near.point, state.point.logs, paths))
-        if led is not None and led.state is not None and led.state.finite:
-            swapped = _in_place(bench, state, one, first, led.state)
-            near = swapped if bench.gain(swapped, led.state) < TIE else near
-        return judged(bench, state, one.screening.candidate, one.screening, near, count)
+        return near
 
     led = finish(first)
     later = side_by_side(lambda one: finish(one, led), others)
