@@ -38,13 +38,18 @@ def sized(
 ) -> Sized:
     """A sum of fitted parameters, each multiplied by its share, with its interval.
 
-    The interval of one effect with jumps, whose slopes say nothing of other sizes, is that of its likelihood profile.
+    The interval of one effect with jumps, whose slopes say nothing of other sizes, or next to a bound is that of its
+    likelihood profile.
     """
     value = added + sum(share * value_at(state.plant, p) for p, share in shares.items())
-    if list(shares.values()) == [1.0] and jumps(*shares):
-        low, high = bench.interval(state, *shares)
-        return Sized(value, (added + low, added + high))
     half = bench.half_width_of(state, shares)
+    if list(shares.values()) == [1.0]:
+        (path,) = shares
+        least, most = bench.problem.bounds(path)
+        own = value_at(state.plant, path)
+        if jumps(path) or not least < own - half or not own + half < most:
+            low, high = bench.interval(state, path)
+            return Sized(value, (added + low, added + high))
     low, high = np.clip([value - half, value + half], *bounds)
     return Sized(float(np.clip(value, *bounds)), (float(low), float(high)))
 

@@ -13,9 +13,10 @@ from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.changes.forms import Changeable, Sized, in_form, kind_of, sized, tied_names, usable_log
 from identification.changes.spans import BETWEEN, OUTSIDE, best_spans, spans_of
-from identification.changes.times import Located, moved_to_best, placed, split_evidence
+from identification.changes.times import Located, finer_rows, moved_to_best, placed, split_evidence
 from identification.deciding import (
     BLOCKS,
+    CLOSE,
     DOUBT,
     FEW_STATES,
     HOPELESS,
@@ -30,7 +31,7 @@ from identification.diagnosis.log.checking import Asked, CheckedLog
 from identification.diagnosis.log.parts import Part, block_numbers
 from identification.diagnosis.search.attribution import Round, selected, settled
 from identification.diagnosis.search.bars import threshold
-from identification.diagnosis.search.candidates import Candidate, Screening, screen_signatures
+from identification.diagnosis.search.candidates import Candidate, Screening, screen, screen_signatures
 from identification.diagnosis.search.known import Known, fit_known
 from identification.diagnosis.search.remainder import likeliest_to_change
 from identification.diagnosis.search.trials import Progress, Trial
@@ -213,10 +214,10 @@ def searched_in_time(
     """Forward selection among effects throughout and, for each form of each, the currently most promising member.
 
     The times of an effect that is chosen, or nearly, are refined at once: a slightly wrong time would leave an error
-    that looks like more of the same effect.  All others in this form are then tried at the refined times, since the
-    chosen one may merely have had the best coarse time.  Effects throughout are tried, too, and win unless the times
-    have the evidence that a name needs.  Returns the bench with these times, the state, the rounds, and the times by
-    form.
+    that looks like more of the same effect.  So are those of others that come near it, and all in this form are then
+    tried at the best times: one may merely have had the best coarse time.  Effects throughout are tried, too, and win
+    unless the times have the evidence that a name needs.  Returns the bench with these times, the state, the rounds,
+    and the times by form.
     """
     bench, state, rounds, times = known.bench, known.nominal, [], dict[str, list[Located]]()
     for number in range(most):
@@ -225,10 +226,10 @@ def searched_in_time(
         left, spans = _promising(bench, state, _contenders(bench, state, forms), threshold(count))
         bench, state = placed(bench, state, spans)
         made = selected(bench, state, left, count, (), lambda f, text, s=share: progress(s, text))
-        best = made.chosen or _nearly(made, threshold(count))
-        if best is None:
+        first = made.chosen or _nearly(made, threshold(count))
+        if first is None:
             break
-        reached = _at_best_times(bench, best)
+        best, reached = _best_at_its_times(bench, made, first)
         rivals, spans = _at_the_same_times(forms, best.candidate, reached)
         if rivals:
             bench, state = placed(reached.bench, state, spans)
@@ -239,6 +240,10 @@ def searched_in_time(
                     made, reached = _each_at_its_times(bench, again, other)
         if made.chosen is None:
             break
+        if made.chosen is first and best is not first:  # the better one was refused
+            reached = _at_best_times(bench, first)
+        made, reached = _unless_at_one_time(state, forms, made, reached, count)
+        made, reached = _if_at_two_times(state, forms, made, reached, count)
         made, reached = _unless_throughout(state, forms, made, reached, count)
         assert made.chosen is not None
         own, bench, state = made.chosen.candidate, reached.bench, reached.state
@@ -276,12 +281,28 @@ class _Reached:
         return plant.courses[form].edges
 
 
+def _timed_trials(made: Round, least: float) -> list[Trial]:
+    """The fitted trials with a time or two times that have a least evidence at their coarse times."""
+    fitted = [t for t in made.trials if t.state is not None and t.train >= least]
+    return [t for t in fitted if kind_of(changed(t.candidate.paths[0])[0]) in (FROM, UNTIL, BETWEEN, OUTSIDE)]
+
+
 def _nearly(made: Round, bar: float) -> Trial | None:
     """The best trial with a time or two times that has half of the evidence a name needs, at its coarse times."""
-    times = (FROM, UNTIL, BETWEEN, OUTSIDE)
-    near = [t for t in made.trials if t.state is not None and t.train >= PROMISED * bar]
-    timed = [t for t in near if kind_of(changed(t.candidate.paths[0])[0]) in times]
-    return max(timed, key=lambda t: t.total, default=None)
+    return max(_timed_trials(made, PROMISED * bar), key=lambda t: t.total, default=None)
+
+
+def _best_at_its_times(bench: Workbench, made: Round, first: Trial) -> tuple[Trial, _Reached]:
+    """The likeliest trial at its own times: the first one or, unless it acts throughout, one with half its evidence."""
+    best, reached, near = first, _at_best_times(bench, first), _timed_trials(made, PROMISED * first.train)
+    whole = not changed(first.candidate.paths[0])[0]
+    for trial in near if not whole else ():
+        if trial is first:
+            continue
+        other = _at_best_times(bench, trial)
+        if reached.bench.gain(reached.state, other.state) > 0.0:
+            best, reached = trial, other
+    return best, reached
 
 
 def _at_best_times(bench: Workbench, trial: Trial) -> _Reached:
@@ -350,17 +371,70 @@ def _unless_throughout(
     return again, _at_best_times(bench, again.chosen)
 
 
+def _unless_at_one_time(
+    before: State, forms: Sequence[Forms], made: Round, reached: _Reached, count: int
+) -> tuple[Round, _Reached]:
+    """The chosen trial, or the same effect from or until one time unless the second time passes the bar for it."""
+    assert made.chosen is not None
+    own = next((f for f in forms if made.chosen.candidate in f.spans), None)
+    if own is None:
+        return made, reached
+    bench, before = placed(reached.bench, before, {})
+    one_time = [group for group in own.groups if kind_of(changed(group[0].paths[0])[0]) in (FROM, UNTIL)]
+    left, _ = _promising(bench, before, [Forms(None, tuple(one_time))], threshold(count))
+    again = selected(bench, before, left, count, ())
+    if again.chosen is None:
+        return made, reached
+    other = _at_best_times(bench, again.chosen)
+    if reached.bench.gain(other.state, reached.state) >= threshold(len(one_time[0])):
+        return made, reached
+    return again, other
+
+
+def _if_at_two_times(
+    before: State, forms: Sequence[Forms], made: Round, reached: _Reached, count: int
+) -> tuple[Round, _Reached]:
+    """The chosen trial with one time, or the same effect with a second time if that passes the bar for it.
+
+    A regression may have missed the second time beside a slightly wrong first one, which is refined by now.
+    """
+    assert made.chosen is not None
+    chosen = made.chosen.candidate
+    form = changed(chosen.paths[0])[0]
+    own = next((f for f in forms if any(chosen in group for group in f.groups)), None)
+    if own is None or not own.spans or kind_of(form) not in (FROM, UNTIL):
+        return made, reached
+    bench, state, bar = reached.bench, reached.state, threshold(len(own.groups[0]))
+    steps = [c for c in own.groups[0] if c is not chosen]
+    best = max(screen(bench.problem, state.point, state.paths, steps, bar), key=lambda one: one.evidence)
+    found = finer_rows(bench, state, state.paths, [best.candidate], bar)
+    evidence, row = max(found.values(), default=(0.0, 0))
+    (first,) = reached.edges(form)
+    if evidence < PROMISED * bar or row == first:
+        return made, reached
+    kind = BETWEEN if (row > first) == (kind_of(form) == FROM) else OUTSIDE
+    span = next(s for s in own.spans if kind_of(changed(s.paths[0])[0]) == kind)
+    bench, before = placed(bench, before, {changed(span.paths[0])[0]: (min(row, first), max(row, first))})
+    again = selected(bench, before, [span], count, ())
+    if again.chosen is None:
+        return made, reached
+    other = _at_best_times(bench, again.chosen)
+    return (again, other) if reached.bench.gain(reached.state, other.state) >= bar else (made, reached)
+
+
 def _promising(
     bench: Workbench, state: State, forms: Sequence[Forms], bar: float
-) -> tuple[list[Candidate], dict[str, tuple[int, int]]]:
-    """Candidates worth a trial, by regression, with the noises as they are or weaker, and the rows of two times.
+) -> tuple[list[Candidate], dict[str, tuple[int, ...]]]:
+    """Candidates worth a trial, by regression, with the noises as they are or weaker, and the rows of their times.
 
-    Included are effects throughout, the member with the most evidence of each group, and effects between or outside of
-    two times if these promise more than one time by the evidence that a name needs.
+    Included are effects throughout, the member of each group with the most evidence, which may be another one with
+    weaker noises, and effects between or outside of two times if these promise more than one time by half of the
+    evidence that one more time needs.
     """
     plant = bench.problem.plant
     assert isinstance(plant, ChangingPlant)
-    best, gained = dict[Candidate, float](), dict[str, tuple[float, tuple[int, int]]]()
+    left, gained = [f.throughout for f in forms if f.throughout], dict[str, tuple[float, tuple[int, int]]]()
+    finer: dict[str, tuple[float, int]] = {}
     each = max((len(f.screened) for f in forms), default=1) * bench.problem.measured.size
     for base in (state, *bench.quieted(state)):
         for some in at_once(len(forms), each):
@@ -370,7 +444,11 @@ def _promising(
             for one, signature in signed:
                 own[one.candidate].append((one, signature))
             evidence = {c: max(one.evidence for one, _ in found) for c, found in own.items()}
-            best |= {c: max(value, best.get(c, value)) for c, value in evidence.items()}
+            first = [max(group, key=evidence.__getitem__) for f in forms[some] for group in f.groups if group]
+            left += first
+            loud = [c for c in first if evidence[c] >= max(CLOSE * max(evidence.values()), bar)]
+            for form, found in finer_rows(bench, base, state.paths, loud, bar).items():
+                finer[form] = max(found, finer.get(form, found))
             for f in forms[some]:
                 if not f.spans or f.throughout is None:
                     continue
@@ -383,12 +461,12 @@ def _promising(
                         for sizes in zip(*signatures, strict=True)
                     )
                     rows = tuple(plant.courses[changed(f.groups[0][k - 1].paths[0])[0]].edges[0] for k in pair)
-                    if rows[0] < rows[1] and gain - alone >= max(bar, gained.get(form, (bar,))[0]):
-                        gained[form] = gain - alone, (rows[0], rows[1])
-    left = [f.throughout for f in forms if f.throughout]
-    left += [max(group, key=lambda c: best[c]) for f in forms for group in f.groups if group]
+                    more, least = gain - alone, PROMISED * threshold(len(f.groups[0]))
+                    if rows[0] < rows[1] and more >= max(least, gained.get(form, (least,))[0]):
+                        gained[form] = more, (rows[0], rows[1])
     left += [span for f in forms for span in f.spans if changed(span.paths[0])[0] in gained]
-    return left, {form: rows for form, (_, rows) in gained.items()}
+    rows: dict[str, tuple[int, ...]] = {form: (row,) for form, (_, row) in finer.items()}
+    return list(dict.fromkeys(left)), rows | {form: pair for form, (_, pair) in gained.items()}
 
 
 def _timed(

@@ -24,6 +24,7 @@ _PROFILED = 6  # most values tried on each side of a profile
 _DESCENTS = 12  # steps of the other parameters at each of them
 # multiple of the wanted fall beyond which a nearer value is tried; least share of the interval for that value
 _TOO_FAR, _SHORTEST = 4.0, 0.05
+_FLAT = 1e-3  # share of the wanted fall below which the log-likelihood does not depend on the parameter yet
 _NOISE_STEP = 0.2  # step of a noise's logarithm for slopes
 _LEAST_TOLD = 0.25  # least curvature by a noise's logarithm; its deviation is then 2, a factor of e^2
 _LEAST_FREEDOM = 2.0  # degrees of freedom of Student's t: it has no variance at or below this
@@ -295,6 +296,8 @@ def interval_of(
     if low < value - half and value + half < high and not kinked(path):
         return value - half, value + half
     way = told.covariance[:, k] / max(float(told.covariance[k, k]), 1e-300)
+    if error > high - low:  # the slope is rounding error
+        error, way = 0.0, None
     found = profile_interval(problem, point, paths, path, error, float(told.reach[k]), way)
     return min(found[0], value), max(found[1], value)
 
@@ -323,31 +326,39 @@ def profile_interval(
     limits = problem.bounds(path)
     found = []
     for side, limit in zip((-1.0, 1.0), limits, strict=True):
-        inner, drop_inner, step, near = value, 0.0, 1.5 * max(error, 1e-3 * problem.scale(path)), point
-        if not error > 0.0 and np.isfinite(limit):  # no slope, as where an actuator has no travel left
-            step = 0.5 * abs(limit - value)
-        edge = limit
+        inner, drop_inner, near = value, 0.0, point
+        outer, drop_outer, falls = limit, 0.0, False
+        step = 1.5 * max(error, 1e-3 * problem.scale(path))
         for _ in range(_PROFILED):
             tried = float(np.clip(inner + side * step, *limits))
             there = _refitted(problem, near, paths, path, tried, way)
             drop = best - problem.objective(there, paths)
             if drop >= bar:
-                inside = np.sqrt(max(drop_inner, 0.0))
-                share = (np.sqrt(bar) - inside) / max(np.sqrt(drop) - inside, 1e-12)
-                edge = tried if jumps(path) else inner + share * (tried - inner)
+                outer, drop_outer, falls = tried, drop, True
                 if drop < _TOO_FAR * bar:
                     break
-                step = max(share, _SHORTEST) * abs(tried - inner)
+                step = max(_share(bar, drop_inner, drop), _SHORTEST) * abs(tried - inner)
                 continue
             inner, drop_inner, near = tried, drop, there
             if tried == limit:
                 break
+            if falls or (drop < _FLAT * bar and np.isfinite(limit)):
+                # no slope, as where an actuator has no travel left
+                step = 0.5 * abs(outer - inner)
+                continue
             reached = abs(inner - value)  # the distance is proportional to the root of the fall
             step = float(
                 np.clip(reached * (np.sqrt(bar / max(drop, 0.05 * bar)) * 1.1 - 1.0), 0.3 * reached, 3.0 * reached)
             )
-        found.append(float(edge))
+        between = falls and not jumps(path)
+        found.append(inner + _share(bar, drop_inner, drop_outer) * (outer - inner) if between else outer)
     return found[0], found[1]
+
+
+def _share(bar: float, inner: float, outer: float) -> float:
+    """Where the log-likelihood has fallen by `bar`, as a share of the way between two values with these falls."""
+    inside = np.sqrt(max(inner, 0.0))
+    return float((np.sqrt(bar) - inside) / max(np.sqrt(outer) - inside, 1e-12))
 
 
 def _refitted(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -33,6 +33,7 @@ from identification.diagnosis.search.workbench import State, Workbench, tried
 from identification.fit.parameters import kinked
 
 FIRST_ITERATIONS = 2  # steps for each candidate of the short list
+BETWEEN_NOISES = 5  # noises from a quieted state's to the fitted ones with which a candidate's promise is computed
 NO_TRACE = "leaves no trace in the residual"
 FAR_LESS = "explains far less than the others"
 IDLE_PART = "its part of the vehicle shows no missing effect"
@@ -104,18 +105,14 @@ def trials_of(
 
     finalists = finalists_of(begun, plain, LEAST_TRACE * threshold(count))
     trials = all_finished(bench, state, finalists, count)
-    # with too little process noise all promise too much; the share that finalists keep corrects the other promises
-    promised = {b.screening.candidate: b.promise for b in finalists if b.state.quiet and b.promise > 0.0}
-    both = [(t.train, promised[t.candidate]) for t in trials if t.candidate in promised]
-    kept = float(np.clip(max((train / promise for train, promise in both), default=1.0), 0.0, 1.0))
-    gain = {b.screening.candidate: b.promise * (kept if b.state.quiet else 1.0) for b in begun}
-    late = _overtaken(begun, trials, gain, threshold(count))
+    late = _overtaken(begun, trials, threshold(count))
     if late and bench.goes_on(_FITTING):
         trials += all_finished(bench, state, late, count)
     done, chosen = {t.candidate for t in trials}, {b.screening.candidate for b in (*finalists, *late)}
+    promised = {b.screening.candidate: b.promise for b in begun}
     for screening in screened:
         if screening.candidate not in done:
-            reached = gain.get(screening.candidate, screening.evidence)
+            reached = promised.get(screening.candidate, screening.evidence)
             reason = NO_TRACE if reached < LEAST_TRACE * threshold(count) else FAR_LESS
             if screening.candidate in chosen:
                 reason = NO_TIME
@@ -223,21 +220,16 @@ class Begun:
 def rival_of(bench: Workbench, state: State, base: State) -> State:
     """The state without a candidate that a fit of the candidate from a base is compared with.
 
-    It is the likeliest of several.  One is the base after as many steps of the parameters fitted so far: with weaker
-    accelerations, or other coefficients, these steps alone gain much, which is no evidence for a candidate.  The others
-    are the state with the noises of the base or, for a base with less process noise, the quieted states (the state as
-    it is if there are none): a candidate must bring a base nearer to the record than these.
+    It is the state itself, unless the base has other coefficients.  Then it is the likelier of the base after as many
+    steps of the parameters fitted so far, which gain much by themselves, and of the state with the base's noises.
     """
-    if base is state:
+    if base is state or base.quiet:
         return state
     problem, paths = bench.problem, state.paths
     point = problem.descended(base.point, paths, FIRST_ITERATIONS)
-    there = State(problem.plant_at(point, paths), paths, point, base.quiet)
-    if base.quiet:
-        rivals = bench.quieted(state) or (state,)
-    else:
-        rivals = (replace(state, point=problem.point(state.point.vector, base.point.logs, state.point)),)
-    return max((there, *rivals), key=lambda one: problem.objective(one.point, paths))
+    there = State(problem.plant_at(point, paths), paths, point)
+    here = replace(state, point=problem.point(state.point.vector, base.point.logs, state.point))
+    return max((there, here), key=lambda one: problem.objective(one.point, paths))
 
 
 def begun_from(bench: Workbench, state: State, base: State, screening: Screening, rival: State) -> Begun:
@@ -262,8 +254,23 @@ def begun_from(bench: Workbench, state: State, base: State, screening: Screening
     best = max(finite or points[:1], key=lambda p: problem.objective(p, paths))
     point = problem.descended(best, paths, FIRST_ITERATIONS)
     first = State(problem.plant_at(point, paths), paths, point, base.quiet)
-    promise = bench.gain(rival, first) / misjudged(bench, base) if first.finite else -np.inf
-    return Begun(screening, first, promise)
+    return Begun(screening, first, _promise(bench, rival, first))
+
+
+def _promise(bench: Workbench, rival: State, first: State) -> float:
+    """The evidence for a candidate after a few steps.
+
+    Beside less process noise than suits the rival, the rival does badly, and so does the candidate unless it explains
+    nearly everything: both are compared at the noises that suit them.  For the candidate, these are the likeliest of
+    several between the two states' noises.
+    """
+    if not first.finite:
+        return -np.inf
+    points, problem = [first.point], bench.problem
+    if first.quiet:
+        between = np.linspace(first.point.logs, rival.point.logs, BETWEEN_NOISES)[1:]
+        points += [problem.point(first.point.vector, logs, first.point) for logs in between]
+    return max(bench.gain(rival, replace(first, point=point)) for point in points)
 
 
 def all_finished(bench: Workbench, state: State, begun: Sequence[Begun], count: int) -> list[Trial]:
@@ -315,32 +322,30 @@ def _in_place(bench: Workbench, state: State, one: Begun, first: Begun, reached:
 
 
 def finalists_of(begun: Sequence[Begun], plain: Collection[str], least: float) -> list[Begun]:
-    """The begun candidates to fit to the end: the most promising with at least `least`, and all of `plain`."""
-    worth = (b for b in begun if b.promise >= least or not set(plain).isdisjoint(b.screening.candidate.paths))
+    """The begun candidates to fit to the end: the most promising with at least `least`, and all of `plain`.
+
+    Those begun with less process noise may promise less: their whole fit, with other noises, gains more than that.
+    """
+    worth = (
+        b
+        for b in begun
+        if b.promise >= least or b.state.quiet or not set(plain).isdisjoint(b.screening.candidate.paths)
+    )
     finite = sorted((b for b in worth if np.isfinite(b.promise)), key=lambda b: -b.promise)
     best = finite[0].promise if finite else 0.0
     known = [not set(plain).isdisjoint(b.screening.candidate.paths) for b in finite]
     return [b for i, b in enumerate(finite) if i < FINALISTS or b.promise >= CLOSER * best or known[i]]
 
 
-def _overtaken(
-    begun: Sequence[Begun], trials: Sequence[Trial], gain: Mapping[Candidate, float], bar: float
-) -> list[Begun]:
+def _overtaken(begun: Sequence[Begun], trials: Sequence[Trial], bar: float) -> list[Begun]:
     """The begun candidates that were no finalists but promise more than any accepted finalist has gained.
 
-    gain: the corrected promises.  They must also exceed the bar, or half of it (`PROMISED`) for a candidate begun with
-    the process noise as fitted: such a promise needs no correction, is less than a whole fit gains, and was hidden by
-    the larger promises with less process noise.
+    They must also promise half of the bar (`PROMISED`).
     """
     done = {t.candidate for t in trials}
     reached = max((t.train for t in trials if not t.objection), default=0.0)
-    left = [
-        b
-        for b in begun
-        if b.screening.candidate not in done
-        and gain[b.screening.candidate] > max(reached, bar * (1.0 if b.state.quiet else PROMISED))
-    ]
-    return sorted(left, key=lambda b: -gain[b.screening.candidate])[:FINALISTS]
+    left = [b for b in begun if b.screening.candidate not in done and b.promise > max(reached, PROMISED * bar)]
+    return sorted(left, key=lambda b: -b.promise)[:FINALISTS]
 
 
 def judged(
@@ -379,11 +384,10 @@ def gate(
     tried = sum(screening.tried - 1 for _, screening in added)
 
     def reach() -> list[float]:
-        if soon:
-            return bench.half_widths_if_white(after, paths)
-        intervals = bench.intervals(after)
-        return [intervals[path][2] for path in paths]
+        halves = bench.half_widths_if_white(after, paths) if soon else [bench.intervals(after)[p][2] for p in paths]
+        return [_inward(bench, after, p) if at_bound[p] else half for p, half in zip(paths, halves, strict=True)]
 
+    at_bound = {p: effect_size(after.plant, p, bench.problem.bounds(p)).limited for p in paths}
     sizes = [size_in(bench, after, path) for path in paths]
     return weighed(bench, before, after, sizes, reach, threshold(count + tried, len(free)), soon)
 
@@ -408,6 +412,15 @@ def _held_back(bench: Workbench, state: State, path: str) -> bool:
     (slope,) = regression.beside(problem.flat_slopes(state.point, [path]))
     outward = 1.0 if value > spec_at(state.plant, path).neutral else -1.0
     return float(outward * (slope @ regression.left)) > HELD_BACK * float(np.linalg.norm(slope))
+
+
+def _inward(bench: Workbench, state: State, path: str) -> float:
+    """How far the 95 % interval of an effect at a bound reaches towards neutral.
+
+    It is by the likelihood profile: where an actuator has no travel left, the slopes say nothing.
+    """
+    value, ends = value_at(state.plant, path), bench.interval(state, path)
+    return min(abs(value - end) for end in ends if end != value) if ends[0] < ends[1] else 0.0
 
 
 def _first_values(plant: Plant, screening: Screening) -> list[tuple[float, ...]]:
