@@ -10,7 +10,8 @@ import numpy as np
 
 from auv_gym.param import positions, replace_at, spec_at, value_at
 from identification.changes.forms import Sized, in_form, sized, tied_names
-from identification.changes.onset import FROM, Forms, searched_in_time
+from identification.changes.search_in_time import searched_in_time
+from identification.changes.timed_forms import FROM, Forms
 from identification.changes.times import Located, moved_to_best, placed
 from identification.deciding import PROMISED
 from identification.diagnosis.log.parts import OneLog

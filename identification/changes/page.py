@@ -13,9 +13,10 @@ import numpy as np
 from auv_gym import __version__
 from auv_gym.writing import writable_folder, write_text
 from identification.changes.missions import Comparison, Unchanged, detectable_beside
-from identification.changes.onset import GROWING, UNTIL, Timed, Timeline
+from identification.changes.onset import Timed, Timeline
 from identification.changes.series import Series
 from identification.changes.spans import OUTSIDE
+from identification.changes.timed_forms import GROWING, UNTIL
 from identification.changes.wording import (
     as_json,
     moment_words,

@@ -13,9 +13,10 @@ from auv_gym.plant import Plant
 from auv_gym.writing import finite
 from identification.changes.missions import AFTER, BEFORE, Changed, Common, Comparison, Unchanged
 from identification.changes.moments import Moment
-from identification.changes.onset import FROM, GROWING, UNTIL, Timed, Timeline
+from identification.changes.onset import Timed, Timeline
 from identification.changes.series import MissionStep, Series, Trend
 from identification.changes.spans import BETWEEN, OUTSIDE
+from identification.changes.timed_forms import FROM, GROWING, UNTIL
 from identification.diagnosis.wording import capital, inside, interval, quantity, sized
 
 _FAR = 3.0  # half intervals; a larger scatter is not a trend, but a difference that needs an explanation

@@ -22,8 +22,9 @@ from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record, concat
 from identification.changes.missions import Comparison, compare_missions
-from identification.changes.onset import FROM, GROWING, find_onsets
+from identification.changes.onset import find_onsets
 from identification.changes.spans import BETWEEN, OUTSIDE
+from identification.changes.timed_forms import FROM, GROWING
 from identification.diagnosis import diagnose
 from identification.fit.changing import changed
 from scripts.blind.cases import FAMILIES, PERIOD_OF, Clean

@@ -12,8 +12,9 @@ from dataclasses import replace
 from auv_gym.threads import side_by_side
 from identification.deciding import LEAST_TRACE, PAIRS
 from identification.diagnosis.search.bars import threshold
+from identification.diagnosis.search.begun import Begun, begun_from, rival_of
 from identification.diagnosis.search.candidates import Candidate, Screening, screen_pairs
-from identification.diagnosis.search.trials import Begun, Trial, all_finished, begun_from, finalists_of, gate, rival_of
+from identification.diagnosis.search.trials import Trial, all_finished, finalists_of, gate
 from identification.diagnosis.search.workbench import State, Workbench
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from auv_gym.param import replace_at, value_at
 from auv_gym.threads import side_by_side
 from identification.deciding import BLOCKS, CONTENDERS, KIN, LEAST_BLOCK, NEAR, STABLE, TIE
+from identification.diagnosis.search.begun import FIRST_ITERATIONS
 from identification.diagnosis.search.stability import Selection, select
-from identification.diagnosis.search.trials import FIRST_ITERATIONS
 from identification.diagnosis.search.workbench import State, Workbench, tried
 from identification.fit.intervals import information_of, interval_of
 from identification.fit.parameters import moves_of

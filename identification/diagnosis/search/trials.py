@@ -9,7 +9,6 @@ from functools import partial
 import numpy as np
 
 from auv_gym.param import replace_at, spec_at, value_at
-from auv_gym.plant import Plant
 from auv_gym.threads import side_by_side
 from identification.deciding import (
     CLOSE,
@@ -28,12 +27,10 @@ from identification.deciding import (
 )
 from identification.diagnosis.search.acceptance import Size, Weighed, effect_size, weighed
 from identification.diagnosis.search.bars import threshold
+from identification.diagnosis.search.begun import Begun, begun_from, misjudged, rival_of
 from identification.diagnosis.search.candidates import Candidate, Regression, Screening, part_of
 from identification.diagnosis.search.workbench import State, Workbench, tried
-from identification.fit.parameters import kinked
 
-FIRST_ITERATIONS = 2  # steps for each candidate of the short list
-BETWEEN_NOISES = 5  # noises from a quieted state's to the fitted ones with which a candidate's promise is computed
 NO_TRACE = "leaves no trace in the residual"
 FAR_LESS = "explains far less than the others"
 IDLE_PART = "its part of the vehicle shows no missing effect"
@@ -174,14 +171,6 @@ def _behind(bench: Workbench, state: State, base: State, regression: Regression)
     return max(2.0 * ahead - regression.regained, 0.0)
 
 
-def misjudged(bench: Workbench, base: State) -> float:
-    """The factor by which evidence is too large beside a state with less process noise than suits it; else 1."""
-    if not base.quiet:
-        return 1.0
-    squares = float((base.point.errors**2).sum())
-    return max(squares / max(bench.problem.count, 1), 1.0)
-
-
 def _short_list(
     screened: Sequence[Screening], here: Collection[Candidate], bar: float, plain: Collection[str]
 ) -> list[Screening]:
@@ -206,71 +195,6 @@ def _short_list(
     best = worth[0].evidence if worth else 0.0
     known = [s.candidate in here or not set(plain).isdisjoint(s.candidate.paths) for s in worth]
     return [s for i, s in enumerate(worth) if i < SHORT_LIST or s.evidence >= CLOSE * best or known[i]]
-
-
-@dataclass(frozen=True, eq=False)
-class Begun:
-    """A candidate's state after a few steps; promise: the evidence for it there, twice the gain in log-likelihood."""
-
-    screening: Screening
-    state: State
-    promise: float
-
-
-def rival_of(bench: Workbench, state: State, base: State) -> State:
-    """The state without a candidate that a fit of the candidate from a base is compared with.
-
-    It is the state itself, unless the base has other coefficients.  Then it is the likelier of the base after as many
-    steps of the parameters fitted so far, which gain much by themselves, and of the state with the base's noises.
-    """
-    if base is state or base.quiet:
-        return state
-    problem, paths = bench.problem, state.paths
-    point = problem.descended(base.point, paths, FIRST_ITERATIONS)
-    there = State(problem.plant_at(point, paths), paths, point)
-    here = replace(state, point=problem.point(state.point.vector, base.point.logs, state.point))
-    return max((there, here), key=lambda one: problem.objective(one.point, paths))
-
-
-def begun_from(bench: Workbench, state: State, base: State, screening: Screening, rival: State) -> Begun:
-    """The candidate's state after a few steps from its likeliest first values, with the gains of the base.
-
-    rival: the state without the candidate, against which its promise is computed; see `rival_of`.
-    """
-    problem, candidate = bench.problem, screening.candidate
-    paths = (*state.paths, *candidate.free)
-    setting = {candidate.setting: screening.setting} if candidate.setting else {}
-    vectors = [
-        replace_at(base.plant, dict(zip(candidate.paths, values, strict=True)) | setting).vector
-        for values in _first_values(base.plant, screening)
-    ]
-    points = [problem.with_gains(base.point, vector) for vector in vectors]
-    if screening.beside.size:  # if its signature is largely imitated, fitted parameters and initial states move too
-        moved = replace_at(base.plant, setting).vector
-        step = np.r_[screening.beside, screening.estimate]
-        vector = problem.moved_vector(moved, (*state.paths, *candidate.paths), step)
-        points.append(problem.descended(problem.with_gains(base.point, vector), ()))
-    finite = [p for p in points if np.isfinite(p.scores).all()]  # `max` would keep NaN against all later points
-    best = max(finite or points[:1], key=lambda p: problem.objective(p, paths))
-    point = problem.descended(best, paths, FIRST_ITERATIONS)
-    first = State(problem.plant_at(point, paths), paths, point, base.quiet)
-    return Begun(screening, first, _promise(bench, rival, first))
-
-
-def _promise(bench: Workbench, rival: State, first: State) -> float:
-    """The evidence for a candidate after a few steps.
-
-    Beside less process noise than suits the rival, the rival does badly, and so does the candidate unless it explains
-    nearly everything: both are compared at the noises that suit them.  For the candidate, these are the likeliest of
-    several between the two states' noises.
-    """
-    if not first.finite:
-        return -np.inf
-    points, problem = [first.point], bench.problem
-    if first.quiet:
-        between = np.linspace(first.point.logs, rival.point.logs, BETWEEN_NOISES)[1:]
-        points += [problem.point(first.point.vector, logs, first.point) for logs in between]
-    return max(bench.gain(rival, replace(first, point=point)) for point in points)
 
 
 def all_finished(bench: Workbench, state: State, begun: Sequence[Begun], count: int) -> list[Trial]:
@@ -421,43 +345,3 @@ def _inward(bench: Workbench, state: State, path: str) -> float:
     """
     value, ends = value_at(state.plant, path), bench.interval(state, path)
     return min(abs(value - end) for end in ends if end != value) if ends[0] < ends[1] else 0.0
-
-
-def _first_values(plant: Plant, screening: Screening) -> list[tuple[float, ...]]:
-    """First values for a candidate's fit, one tuple for each start.
-
-    They are one probe off neutral on the side of the screening's estimate, and the estimate itself (1 to 12 probes).
-    A single parameter also starts on the other side, since coefficients that were fitted without the effect may turn
-    the sign of the estimate, and a fit would stay there.  One with a corner starts five probes further instead.
-    In a long record, a probe may be far too large: an estimate below one probe is then another start, except for
-    corners, next to which slopes hold no information.  For an effect with jumps, the estimate is the only start.
-    """
-    if screening.candidate.jumps:
-        spec = spec_at(plant, screening.candidate.paths[0])
-        return [(float(np.clip(spec.neutral + screening.estimate[0] * spec.probe, *spec.bounds)),)]
-    starts = []
-    for far in (False, True):
-        values = []
-        for path, estimate in zip(screening.candidate.paths, screening.estimate, strict=True):
-            spec = spec_at(plant, path)
-            side = 1.0 if estimate >= 0.0 or spec.bounds[0] >= spec.neutral or kinked(path) else -1.0
-            size = np.clip(abs(estimate), 1.0, 12.0) if far else 1.0
-            values.append(float(np.clip(spec.neutral + side * size * spec.probe, *spec.bounds)))
-        starts.append(tuple(values))
-    if screening.candidate.kinked:
-        starts.append(
-            tuple(
-                min(v + 5.0 * spec_at(plant, p).probe, spec_at(plant, p).bounds[1])
-                for p, v in zip(screening.candidate.paths, starts[0], strict=True)
-            )
-        )
-    elif len(screening.candidate.paths) == 1:
-        spec = spec_at(plant, screening.candidate.paths[0])
-        opposite = float(np.clip(2.0 * spec.neutral - starts[0][0], *spec.bounds))
-        starts += [(opposite,)] * (opposite != spec.neutral)
-    small = np.abs(screening.estimate).max() < 1.0
-    if small and not any(kinked(p) for p in screening.candidate.paths):
-        specs = [spec_at(plant, path) for path in screening.candidate.paths]
-        estimated = zip(specs, screening.estimate, strict=True)
-        starts.append(tuple(float(np.clip(s.neutral + e * s.probe, *s.bounds)) for s, e in estimated))
-    return list(dict.fromkeys(starts))

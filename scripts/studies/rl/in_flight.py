@@ -24,7 +24,7 @@ from auv_gym.plant import Plant
 from auv_gym.rl import Policy, fresh_seeds, train
 from auv_gym.rl.settings import make_env
 from controllers.piloting import pilot_for
-from identification.changes.onset import FROM
+from identification.changes.timed_forms import FROM
 from identification.experiments.missions import run_mission
 from identification.monitor.monitor import Monitor
 from identification.monitor.wrapper import Monitored

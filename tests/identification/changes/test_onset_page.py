@@ -9,9 +9,10 @@ import pytest
 
 from auv_gym.plant import load_vehicle
 from identification.changes.forms import Sized
-from identification.changes.onset import BETWEEN, FROM, GROWING, UNTIL, Timed, Timeline
+from identification.changes.onset import Timed, Timeline
 from identification.changes.page import timeline_figure, timeline_page, write_timeline
-from identification.changes.spans import OUTSIDE
+from identification.changes.spans import BETWEEN, OUTSIDE
+from identification.changes.timed_forms import FROM, GROWING, UNTIL
 
 OFFSET = Timed(
     "effects.rudder.offset", "rudder offset", "rad", FROM, Sized(0.03, (0.028, 0.032)), 90.0,

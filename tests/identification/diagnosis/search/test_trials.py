@@ -15,6 +15,7 @@ from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search import trials
 from identification.diagnosis.search.acceptance import LIMITED, UNSURE
 from identification.diagnosis.search.attribution import selected
+from identification.diagnosis.search.begun import _first_values
 from identification.diagnosis.search.candidates import Candidate, Screening, candidates_of, screen
 from identification.diagnosis.search.trials import FAR_LESS, NO_TRACE, UNSEEN, UNSTABLE, trials_of
 from identification.diagnosis.search.workbench import State, Workbench
@@ -536,6 +537,6 @@ def test_finalists_are_the_three_best_and_whatever_is_near_the_best_or_plain():
     ],
 )
 def test_a_fit_starts_on_both_sides_of_neutral_or_beyond_a_corner(path, estimate, probes):
-    starts = trials._first_values(QUICK, screened_of(path, estimate))
+    starts = _first_values(QUICK, screened_of(path, estimate))
     probe = spec_at(QUICK, path).probe
     assert [value / probe for (value,) in starts] == pytest.approx(probes)
