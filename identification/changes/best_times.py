@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from identification.changes.forms import kind_of
 from identification.changes.promising_times import promising
 from identification.changes.spans import BETWEEN, OUTSIDE
-from identification.changes.timed_forms import FROM, UNTIL, Forms
+from identification.changes.timed_forms import FROM, GROWING, UNTIL, Forms
 from identification.changes.times import Located, finer_rows, moved_to_best, placed
-from identification.deciding import HOPELESS, PROMISED, TIE
+from identification.deciding import HOPELESS, PRICE, PROMISED, TIE
 from identification.diagnosis.search.attribution import Round, selected
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, screen
@@ -37,7 +39,7 @@ class Reached:
 def _timed_trials(made: Round, least: float) -> list[Trial]:
     """The fitted trials with a time or two times that have a least evidence at their coarse times."""
     fitted = [t for t in made.trials if t.state is not None and t.train >= least]
-    return [t for t in fitted if kind_of(changed(t.candidate.paths[0])[0]) in (FROM, UNTIL, BETWEEN, OUTSIDE)]
+    return [t for t in fitted if _form(t.candidate) in (FROM, UNTIL, BETWEEN, OUTSIDE)]
 
 
 def nearly(made: Round, bar: float) -> Trial | None:
@@ -74,7 +76,7 @@ def at_the_same_times(
     """All candidates in the chosen form, and the rows of the refined times: each had been tried at coarse ones."""
     form = changed(chosen.paths[0])[0]
     if kind_of(form) in (BETWEEN, OUTSIDE):
-        spans = [span for f in forms for span in f.spans if kind_of(changed(span.paths[0])[0]) == kind_of(form)]
+        spans = [span for f in forms for span in f.spans if _form(span) == kind_of(form)]
         return spans, {changed(span.paths[0])[0]: reached.edges(form) for span in spans}
     if kind_of(form) in (FROM, UNTIL):
         return [c for f in forms for group in f.groups for c in group if changed(c.paths[0])[0] == form], {}
@@ -133,7 +135,7 @@ def unless_at_one_time(
     if own is None:
         return made, reached
     bench, before = placed(reached.bench, before, {})
-    one_time = [group for group in own.groups if kind_of(changed(group[0].paths[0])[0]) in (FROM, UNTIL)]
+    one_time = [group for group in own.groups if _form(group[0]) in (FROM, UNTIL)]
     left, _ = promising(bench, before, [Forms(None, tuple(one_time))], threshold(count))
     again = selected(bench, before, left, count, ())
     if again.chosen is None:
@@ -166,10 +168,39 @@ def if_at_two_times(
     if evidence < PROMISED * bar or row == first:
         return made, reached
     kind = BETWEEN if (row > first) == (kind_of(form) == FROM) else OUTSIDE
-    span = next(s for s in own.spans if kind_of(changed(s.paths[0])[0]) == kind)
+    span = next(s for s in own.spans if _form(s) == kind)
     bench, before = placed(bench, before, {changed(span.paths[0])[0]: (min(row, first), max(row, first))})
     again = selected(bench, before, [span], count, ())
     if again.chosen is None:
         return made, reached
     other = at_best_times(bench, again.chosen)
     return (again, other) if reached.bench.gain(reached.state, other.state) >= bar else (made, reached)
+
+
+def unless_growing(
+    before: State, forms: Sequence[Forms], made: Round, reached: Reached, count: int
+) -> tuple[Round, Reached]:
+    """The chosen trial, or the same effect as one that grows, tied with it, unless the times are worth their price.
+
+    A form with times has one more parameter for each, and the choice among all times (`PRICE`).
+    """
+    assert made.chosen is not None
+    chosen = made.chosen
+    own = next((f for f in forms if chosen.candidate in (*f.screened, *f.spans)), None)
+    growing = [c for group in own.groups for c in group if _form(c) == GROWING] if own and reached.times else []
+    if own is None or not growing:
+        return made, reached
+    bench, before = placed(reached.bench, before, {})
+    again = selected(bench, before, growing, count, ())
+    if again.chosen is None:
+        return made, reached
+    other = at_best_times(bench, again.chosen)
+    if reached.bench.gain(other.state, reached.state) >= PRICE * len(reached.times) * (
+        1.0 + np.log(len(own.groups[0]))
+    ):
+        return made, reached
+    return replace(again, tied=(*again.tied, chosen)), other
+
+
+def _form(candidate: Candidate) -> str:
+    return kind_of(changed(candidate.paths[0])[0])

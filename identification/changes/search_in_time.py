@@ -12,6 +12,7 @@ from identification.changes.best_times import (
     if_at_two_times,
     nearly,
     unless_at_one_time,
+    unless_growing,
     unless_throughout,
 )
 from identification.changes.promising_times import contenders, promising
@@ -32,9 +33,9 @@ def searched_in_time(
 
     The times of an effect that is chosen, or nearly, are refined at once: a slightly wrong time would leave an error
     that looks like more of the same effect.  So are those of others that come near it, and all in this form are then
-    tried at the best times: one may merely have had the best coarse time.  One time more or less, and effects
-    throughout, are tried, too: each time must have the evidence that it needs.  Returns the bench with these times, the state, the rounds,
-    and the times by form.
+    tried at the best times: one may merely have had the best coarse time.  One time more or less, growth, and effects
+    throughout are tried, too: each time must have the evidence that it needs.  Returns the bench with these times, the
+    state, the rounds, and the times by form.
     """
     bench, state, rounds, times = known.bench, known.nominal, [], dict[str, list[Located]]()
     for number in range(most):
@@ -61,6 +62,7 @@ def searched_in_time(
             reached = at_best_times(bench, first)
         made, reached = unless_at_one_time(state, forms, made, reached, count)
         made, reached = if_at_two_times(state, forms, made, reached, count)
+        made, reached = unless_growing(state, forms, made, reached, count)
         made, reached = unless_throughout(state, forms, made, reached, count)
         assert made.chosen is not None
         own, bench, state = made.chosen.candidate, reached.bench, reached.state

@@ -106,3 +106,25 @@ def test_a_second_time_is_tried_beside_the_first_where_that_is_right_by_now(monk
 
 def trial_of(candidate):
     return SimpleNamespace(candidate=candidate, state=None)
+
+
+@pytest.mark.parametrize(
+    "times, ahead, form", [(1, 8.0, "growing"), (1, 8.5, "from"), (2, 16.0, "growing"), (2, 17.0, "between")]
+)
+def test_a_time_must_be_worth_its_price_beside_growth(monkeypatch, times, ahead, form):
+    """Two for a parameter and for the choice among 23 times each, 8.3; growth keeps the other form in its tie."""
+    groups = [tuple(Candidate("a", (f"changes.{f}{k}.a",)) for k in range(1, 24)) for f in ("from", "until")]
+    growing, span = Candidate("a", ("changes.growing.a",)), Candidate("a", ("changes.between0.a",))
+    forms = [Forms(Candidate("a", ("a",)), (*groups, (growing,)), (span,))]
+    chosen = trial_of(groups[0][3] if times == 1 else span)
+    bench = SimpleNamespace(gain=lambda before, after: ahead)
+    monkeypatch.setattr(best_times, "placed", lambda bench, state, rows: (bench, state))
+    monkeypatch.setattr(best_times, "selected", lambda *given: Round((), trial_of(given[2][0]), (), {}))  # type: ignore[arg-type]
+    monkeypatch.setattr(
+        best_times, "at_best_times", lambda bench, t: SimpleNamespace(bench=bench, state=None, times=[])
+    )
+    reached = SimpleNamespace(bench=bench, state=None, times=[None] * times)
+    made = Round((), chosen, (), {})  # type: ignore[arg-type]
+    made, _ = best_times.unless_growing(None, forms, made, reached, 1000)  # type: ignore[arg-type]
+    assert kind_of(made.chosen.candidate.paths[0].split(".")[1]) == form
+    assert made.tied == ((chosen,) if form == "growing" else ())
