@@ -195,9 +195,8 @@ def unless_growing(
     if again.chosen is None:
         return made, reached
     other = at_best_times(bench, again.chosen)
-    if reached.bench.gain(other.state, reached.state) >= PRICE * len(reached.times) * (
-        1.0 + np.log(len(own.groups[0]))
-    ):
+    price = PRICE * len(reached.times) * (1.0 + np.log(len(own.groups[0])))
+    if reached.bench.gain(other.state, reached.state) >= price:
         return made, reached
     return replace(again, tied=(*again.tied, chosen)), other
 
