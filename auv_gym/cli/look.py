@@ -75,7 +75,8 @@ def look(
     found = matches.own[matches.ranked[0]]
     _print_head(found)
     _print_signals(matches, every)
-    _print_list("Left out, repaired or cut", found.notes if every else logs.grouped(found.notes), every)
+    notes = [*found.notes, *matches.unread(matches.ranked[0])]
+    _print_list("Left out, repaired or cut", notes if every else logs.grouped(notes), every)
     refused = matches.refused
     told = [vehicle] if vehicle else list(refused) if all(refused.values()) else []
     wrong = dict.fromkeys(line for name in told for line in _wrong_for(name, matches))

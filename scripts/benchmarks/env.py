@@ -31,7 +31,8 @@ DT, SUBSTEP = 0.1, 0.02  # s
 FLOAT_DT, FLOAT_SUBSTEP = 0.7, 0.14  # s
 SINGLE_STEPS = 20_000
 CARTPOLES = 1024
-TASK, FLOAT_TASK = "auv_gym/Depth-v0", "auv_gym/FloatDepth-v0"
+ROV_DT = 0.05  # s
+TASK, FLOAT_TASK, ROV_TASK = "auv_gym/Depth-v0", "auv_gym/FloatDepth-v0", "auv_gym/StationKeeping-v0"
 
 WORK = 0
 vehicle_step: Any
@@ -64,7 +65,9 @@ def measure(arguments: argparse.Namespace) -> dict[str, float]:
     if plant.family.body is None:
         raise ValueError(f"--vehicle needs a vehicle in six degrees of freedom, got {plant.name!r}.")
     float_plant = replace(load_vehicle("qiandao_float", dt=FLOAT_DT), longest_step=FLOAT_SUBSTEP)
+    rov = load_vehicle("bluerov2_heavy", dt=ROV_DT)
     substeps, float_substeps = ceil(DT / SUBSTEP - 1e-9), ceil(FLOAT_DT / FLOAT_SUBSTEP - 1e-9)
+    rov_substeps = ceil(ROV_DT / rov.longest_step - 1e-9)
     runs: dict[str, tuple[Callable[[], object], int]] = {
         "single_steps_per_s": _single(gymnasium.make(TASK, vehicle=plant)),
         "vector_steps_per_s": _vector(gymnasium.make_vec(TASK, num_envs=arguments.envs, vehicle=plant)),
@@ -73,6 +76,8 @@ def measure(arguments: argparse.Namespace) -> dict[str, float]:
         "float_vector_steps_per_s": _vector(
             gymnasium.make_vec(FLOAT_TASK, num_envs=arguments.envs, vehicle=float_plant)
         ),
+        "rov_single_steps_per_s": _single(gymnasium.make(ROV_TASK, vehicle=rov)),
+        "rov_vector_steps_per_s": _vector(gymnasium.make_vec(ROV_TASK, num_envs=arguments.envs, vehicle=rov)),
         "pendulum_steps_per_s": _single(gymnasium.make("Pendulum-v1")),
         "cartpoles_steps_per_s": _vector(
             gymnasium.make_vec("CartPole-v1", num_envs=CARTPOLES, vectorization_mode="vector_entry_point")
@@ -101,6 +106,7 @@ def measure(arguments: argparse.Namespace) -> dict[str, float]:
         "vector_over_bare_kernel": rates["vector_steps_per_s"] / rates["bare_kernel_steps_per_s"],
         "single_over_pendulum": rates["single_steps_per_s"] / rates["pendulum_steps_per_s"],
         "float_vector_rk4_substeps_per_s": float_substeps * rates["float_vector_steps_per_s"],
+        "rov_vector_rk4_substeps_per_s": rov_substeps * rates["rov_vector_steps_per_s"],
         "float_single_over_pendulum": rates["float_single_steps_per_s"] / rates["pendulum_steps_per_s"],
     }
     if peer is None:

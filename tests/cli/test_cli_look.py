@@ -54,6 +54,18 @@ def test_a_log_with_the_command_alone_is_judged_as_a_diagnosis_reads_it(tmp_path
     assert "Nothing excites the vehicle: rudder_rad is constant at 0 (rad)" in said(capsys)
 
 
+def test_it_says_which_values_a_diagnosis_takes_for_no_readings(tmp_path, capsys):
+    t = np.arange(0.0, 1200.0, 4.0)
+    heading = np.round(90.0 + 20.0 * np.sin(t / 60.0), 3)
+    heading[1::2] = heading[::2]
+    heading[100:102] += 170.0  # one value of the sensor, which writes every other row
+    path = write(tmp_path / "log.csv", {"time_s": t, "heading_deg": heading, "rudder_deg": 5.0 * np.sin(t / 30.0)})
+    assert main(["look", str(path), "--vehicle", "slocum"]) == 0
+    text = said(capsys)
+    assert "heading_rad repeats the last value in many rows, as slower sensors do" in text
+    assert "heading_rad has a single spike at 400 s, which is not taken for a reading." in text
+
+
 def test_all_presets_are_compared_without_a_vehicle(log, capsys):
     assert main(["look", str(log)]) == 0
     text = said(capsys)

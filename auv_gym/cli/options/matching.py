@@ -112,6 +112,15 @@ class Matches:
         record = record.select(known)
         return record.with_channels({one: record[command] for one, command in serving.items()})
 
+    def unread(self, name: str) -> list[str]:
+        """Lines on values that a diagnosis with a vehicle does not take for readings: repeated ones, and spikes."""
+        from auv_gym.records.unread import only_readings
+
+        record = None if self.found.sampled is not None else self.record_of(name)
+        return (
+            [] if record is None else only_readings(record, [o for o in self.plants[name].outputs if record.has(o)])[1]
+        )
+
     @property
     def fits(self) -> bool:
         """Whether the best vehicles have all that they need."""
