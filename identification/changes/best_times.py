@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -116,14 +116,11 @@ def unless_throughout(
     whole = next((f for f in forms if f.throughout is not None and own in (*f.screened, *f.spans)), None)
     if whole is None or own is whole.throughout:
         return made, reached
-    bench, before = placed(reached.bench, before, {})
-    again = selected(bench, before, [f.throughout for f in forms if f.throughout is not None], count, ())
-    if again.chosen is None or again.chosen.state is None:
-        return made, reached
+    other = _instead(before, reached, [f.throughout for f in forms if f.throughout is not None], count)
     tried = next((len(group) for group in whole.groups if own in group), count)
-    if bench.gain(again.chosen.state, reached.state) >= threshold(tried):
+    if other is None or reached.bench.gain(other[1].state, reached.state) >= threshold(tried):
         return made, reached
-    return again, at_best_times(bench, again.chosen)
+    return other
 
 
 def unless_at_one_time(
@@ -134,16 +131,12 @@ def unless_at_one_time(
     own = next((f for f in forms if made.chosen.candidate in f.spans), None)
     if own is None:
         return made, reached
-    bench, before = placed(reached.bench, before, {})
     one_time = [group for group in own.groups if _form(group[0]) in (FROM, UNTIL)]
-    left, _ = promising(bench, before, [Forms(None, tuple(one_time))], threshold(count))
-    again = selected(bench, before, left, count, ())
-    if again.chosen is None:
+    left, _ = promising(*placed(reached.bench, before, {}), [Forms(None, tuple(one_time))], threshold(count))
+    other = _instead(before, reached, left, count)
+    if other is None or reached.bench.gain(other[1].state, reached.state) >= threshold(len(one_time[0])):
         return made, reached
-    other = at_best_times(bench, again.chosen)
-    if reached.bench.gain(other.state, reached.state) >= threshold(len(one_time[0])):
-        return made, reached
-    return again, other
+    return other
 
 
 def if_at_two_times(
@@ -169,12 +162,9 @@ def if_at_two_times(
         return made, reached
     kind = BETWEEN if (row > first) == (kind_of(form) == FROM) else OUTSIDE
     span = next(s for s in own.spans if _form(s) == kind)
-    bench, before = placed(bench, before, {changed(span.paths[0])[0]: (min(row, first), max(row, first))})
-    again = selected(bench, before, [span], count, ())
-    if again.chosen is None:
-        return made, reached
-    other = at_best_times(bench, again.chosen)
-    return (again, other) if reached.bench.gain(reached.state, other.state) >= bar else (made, reached)
+    rows = {changed(span.paths[0])[0]: (min(row, first), max(row, first))}
+    other = _instead(before, reached, [span], count, rows)
+    return other if other and reached.bench.gain(reached.state, other[1].state) >= bar else (made, reached)
 
 
 def unless_growing(
@@ -190,15 +180,28 @@ def unless_growing(
     growing = [c for group in own.groups for c in group if _form(c) == GROWING] if own and reached.times else []
     if own is None or not growing:
         return made, reached
-    bench, before = placed(reached.bench, before, {})
-    again = selected(bench, before, growing, count, ())
-    if again.chosen is None:
-        return made, reached
-    other = at_best_times(bench, again.chosen)
+    other = _instead(before, reached, growing, count)
     price = PRICE * len(reached.times) * (1.0 + np.log(len(own.groups[0])))
-    if reached.bench.gain(other.state, reached.state) >= price:
+    if other is None or reached.bench.gain(other[1].state, reached.state) >= price:
         return made, reached
-    return replace(again, tied=(*again.tied, chosen)), other
+    again, there = other
+    return replace(again, tied=(*again.tied, chosen)), there
+
+
+def _instead(
+    before: State,
+    reached: Reached,
+    candidates: Sequence[Candidate],
+    count: int,
+    rows: Mapping[str, tuple[int, ...]] | None = None,
+) -> tuple[Round, Reached] | None:
+    """The round of other candidates in place of what was chosen, at the best times; None if none of them is accepted.
+
+    before: the state without what was chosen.  rows: of times that are tried.
+    """
+    bench, before = placed(reached.bench, before, rows or {})
+    made = selected(bench, before, candidates, count, ())
+    return None if made.chosen is None else (made, at_best_times(bench, made.chosen))
 
 
 def _form(candidate: Candidate) -> str:

@@ -128,3 +128,19 @@ def test_a_time_must_be_worth_its_price_beside_growth(monkeypatch, times, ahead,
     made, _ = best_times.unless_growing(None, forms, made, reached, 1000)  # type: ignore[arg-type]
     assert kind_of(made.chosen.candidate.paths[0].split(".")[1]) == form
     assert made.tied == ((chosen,) if form == "growing" else ())
+
+
+@pytest.mark.parametrize("ahead, form", [(16.0, ""), (17.5, "from")])
+def test_a_time_must_pass_the_bar_beside_an_effect_throughout(monkeypatch, ahead, form):
+    """It is 16.7 for 23 times; any effect throughout will do."""
+    groups = (tuple(Candidate("a", (f"changes.from{k}.a",)) for k in range(1, 24)),)
+    forms = [Forms(Candidate("a", ("a",)), groups), Forms(Candidate("b", ("effects.b",)), ())]
+    bench = SimpleNamespace(gain=lambda before, after: ahead)
+    monkeypatch.setattr(best_times, "placed", lambda bench, state, rows: (bench, state))
+    again = lambda *given: Round((), trial_of(given[2][1]), (), {})  # type: ignore[arg-type]  # noqa: E731
+    monkeypatch.setattr(best_times, "selected", again)
+    monkeypatch.setattr(best_times, "at_best_times", lambda bench, t: SimpleNamespace(state=None))
+    made = Round((), trial_of(groups[0][3]), (), {})  # type: ignore[arg-type]
+    reached = SimpleNamespace(bench=bench, state=None)
+    made, _ = best_times.unless_throughout(None, forms, made, reached, 1000)  # type: ignore[arg-type]
+    assert made.chosen.candidate.paths == (("effects.b",) if form == "" else groups[0][3].paths)
