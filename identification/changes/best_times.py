@@ -13,6 +13,7 @@ from identification.changes.spans import BETWEEN, OUTSIDE
 from identification.changes.timed_forms import FROM, GROWING, UNTIL, Forms
 from identification.changes.times import Located, finer_rows, moved_to_best, placed
 from identification.deciding import HOPELESS, PRICE, PROMISED, TIE
+from identification.diagnosis.search.acceptance import INSIGNIFICANT
 from identification.diagnosis.search.attribution import Round, selected
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, screen
@@ -116,11 +117,9 @@ def unless_throughout(
     whole = next((f for f in forms if f.throughout is not None and own in (*f.screened, *f.spans)), None)
     if whole is None or own is whole.throughout:
         return made, reached
-    other = _instead(before, reached, [f.throughout for f in forms if f.throughout is not None], count)
+    every = [f.throughout for f in forms if f.throughout is not None]
     tried = next((len(group) for group in whole.groups if own in group), count)
-    if other is None or reached.bench.gain(other[1].state, reached.state) >= threshold(tried):
-        return made, reached
-    return other
+    return _unless_worth(threshold(tried), before, made, reached, every, count)
 
 
 def unless_at_one_time(
@@ -133,10 +132,7 @@ def unless_at_one_time(
         return made, reached
     one_time = [group for group in own.groups if _form(group[0]) in (FROM, UNTIL)]
     left, _ = promising(*placed(reached.bench, before, {}), [Forms(None, tuple(one_time))], threshold(count))
-    other = _instead(before, reached, left, count)
-    if other is None or reached.bench.gain(other[1].state, reached.state) >= threshold(len(one_time[0])):
-        return made, reached
-    return other
+    return _unless_worth(threshold(len(one_time[0])), before, made, reached, left, count)
 
 
 def if_at_two_times(
@@ -163,8 +159,8 @@ def if_at_two_times(
     kind = BETWEEN if (row > first) == (kind_of(form) == FROM) else OUTSIDE
     span = next(s for s in own.spans if _form(s) == kind)
     rows = {changed(span.paths[0])[0]: (min(row, first), max(row, first))}
-    other = _instead(before, reached, [span], count, rows)
-    return other if other and reached.bench.gain(reached.state, other[1].state) >= bar else (made, reached)
+    again, there = _instead(before, reached, [span], count, rows)
+    return (again, there) if there and reached.bench.gain(reached.state, there.state) >= bar else (made, reached)
 
 
 def unless_growing(
@@ -180,12 +176,27 @@ def unless_growing(
     growing = [c for group in own.groups for c in group if _form(c) == GROWING] if own and reached.times else []
     if own is None or not growing:
         return made, reached
-    other = _instead(before, reached, growing, count)
     price = PRICE * len(reached.times) * (1.0 + np.log(len(own.groups[0])))
-    if other is None or reached.bench.gain(other[1].state, reached.state) >= price:
+    other, there = _unless_worth(price, before, made, reached, growing, count)
+    return (other, there) if there is reached else (replace(other, tied=(*other.tied, chosen)), there)
+
+
+def _unless_worth(
+    least: float, before: State, made: Round, reached: Reached, simpler: Sequence[Candidate], count: int
+) -> tuple[Round, Reached]:
+    """The chosen trial if it gains at least so much over simpler candidates, else the best of these.
+
+    If that one is only just below the bar by itself, it is tied with the chosen one instead.
+    """
+    again, there = _instead(before, reached, simpler, count)
+    near = [t for t in again.trials if t.state is not None and t.objection in ("", INSIGNIFICANT)]
+    best = again.chosen or max(near, key=lambda t: t.total, default=None)
+    if best is None or best.state is None:
         return made, reached
-    again, there = other
-    return replace(again, tied=(*again.tied, chosen)), there
+    state = there.state if there else best.state
+    if reached.bench.gain(state, reached.state) >= least:
+        return made, reached
+    return (again, there) if there else (replace(made, tied=(*made.tied, best)), reached)
 
 
 def _instead(
@@ -194,14 +205,14 @@ def _instead(
     candidates: Sequence[Candidate],
     count: int,
     rows: Mapping[str, tuple[int, ...]] | None = None,
-) -> tuple[Round, Reached] | None:
-    """The round of other candidates in place of what was chosen, at the best times; None if none of them is accepted.
+) -> tuple[Round, Reached | None]:
+    """The round of other candidates in place of what was chosen, and it at the best times; None if none is accepted.
 
     before: the state without what was chosen.  rows: of times that are tried.
     """
     bench, before = placed(reached.bench, before, rows or {})
     made = selected(bench, before, candidates, count, ())
-    return None if made.chosen is None else (made, at_best_times(bench, made.chosen))
+    return made, None if made.chosen is None else at_best_times(bench, made.chosen)
 
 
 def _form(candidate: Candidate) -> str:

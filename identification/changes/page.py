@@ -89,7 +89,7 @@ def timeline_page(found: Timeline) -> str:
             (_typed(inside(t.size.value, t.size.ci95, t.unit)), _typed(interval(t.size.ci95, t.unit))),
             when_words(t),
             f"{t.evidence:.0f}",
-            tied_words(t.tied, found.plant) or "–",
+            tied_words(t.tied, found.plant, t.form) or "–",
         )
         for t in found.found
     ]

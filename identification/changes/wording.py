@@ -75,17 +75,22 @@ def moment_words(m: Moment) -> tuple[str, str]:
     return f"within {m.time.log}, {m.time.time:.0f} s after its beginning", limits
 
 
-def tied_words(tied: Sequence[str], plant: Plant) -> str:
-    """The alternatives by title, with when they act: `yaw moment (until some time), rudder offset`."""
+def tied_words(tied: Sequence[str], plant: Plant, beside: str = "") -> str:
+    """The alternatives by title, with when they act: `yaw moment (until some time), rudder offset`.
+
+    beside: the form of what they are alternatives to; if it has one, those without are said to act throughout.
+    """
     split = [name.rpartition(" ")[::2] for name in tied]
-    return ", ".join(f"{spec_at(plant, path).title or path}{_when_of(form, path)}" for form, path in split)
+    return ", ".join(f"{spec_at(plant, path).title or path}{_when_of(form, path, beside)}" for form, path in split)
 
 
-def _when_of(form: str, path: str) -> str:
-    """When an alternative acts, in brackets; empty if it acts throughout."""
+def _when_of(form: str, path: str, beside: str) -> str:
+    """When an alternative acts, in brackets."""
     if form in (BEFORE, AFTER) and not path.startswith("effects."):
         return " (changed)"
-    return f" ({_WHEN[form]})" if form else ""
+    if form:
+        return f" ({_WHEN[form]})"
+    return " (throughout)" if beside else ""
 
 
 def common_words(c: Common, plant: Plant) -> str:
@@ -116,7 +121,7 @@ def timed_words(t: Timed, plant: Plant) -> str:
         text += ", but parts of the log contradict each other on its size: it is not known when it acts."
     else:
         text += ", which grows from zero to this size over the log." if t.form else ", throughout the log."
-    return text + (f" The log cannot tell this from: {tied_words(t.tied, plant)}." if t.tied else "")
+    return text + (f" The log cannot tell this from: {tied_words(t.tied, plant, t.form)}." if t.tied else "")
 
 
 def timeline_json(found: Timeline) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import pytest
 from identification.changes import best_times
 from identification.changes.forms import kind_of
 from identification.changes.timed_forms import Forms
+from identification.diagnosis.search.acceptance import INSIGNIFICANT, UNSURE
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import Candidate
 
@@ -105,7 +106,7 @@ def test_a_second_time_is_tried_beside_the_first_where_that_is_right_by_now(monk
 
 
 def trial_of(candidate):
-    return SimpleNamespace(candidate=candidate, state=None)
+    return SimpleNamespace(candidate=candidate, state="fitted")
 
 
 @pytest.mark.parametrize(
@@ -144,3 +145,20 @@ def test_a_time_must_pass_the_bar_beside_an_effect_throughout(monkeypatch, ahead
     reached = SimpleNamespace(bench=bench, state=None)
     made, _ = best_times.unless_throughout(None, forms, made, reached, 1000)  # type: ignore[arg-type]
     assert made.chosen.candidate.paths == (("effects.b",) if form == "" else groups[0][3].paths)
+
+
+@pytest.mark.parametrize("objection, ahead, tied", [(INSIGNIFICANT, 1.3, 1), (INSIGNIFICANT, 9.0, 0), (UNSURE, 1.3, 0)])
+def test_what_is_simpler_and_just_below_the_bar_is_tied(monkeypatch, objection, ahead, tied):
+    """Growth of evidence 27, where 28 are needed, beside a time of evidence 28.3: nobody can tell which it is."""
+    group, growing = (Candidate("a", ("changes.from1.a",)),), Candidate("a", ("changes.growing.a",))
+    group = (*group, *(Candidate("a", (f"changes.from{k}.a",)) for k in range(2, 24)))
+    forms = [Forms(None, (group, (growing,)))]
+    below = SimpleNamespace(candidate=growing, state=0, total=27.0, objection=objection)
+    monkeypatch.setattr(best_times, "placed", lambda bench, state, rows: (bench, state))
+    monkeypatch.setattr(best_times, "selected", lambda *given: Round((below,), None, (), {}))  # type: ignore[arg-type]
+    bench = SimpleNamespace(gain=lambda before, after: ahead)
+    reached, made = SimpleNamespace(bench=bench, state=1, times=[None]), Round((), trial_of(group[3]), (), {})  # type: ignore[arg-type]
+    found, there = best_times.unless_growing(None, forms, made, reached, 1000)  # type: ignore[arg-type]
+    assert found.chosen is made.chosen
+    assert there is reached
+    assert found.tied == (below,) * tied

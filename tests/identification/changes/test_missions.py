@@ -265,3 +265,5 @@ def test_what_else_would_explain_a_change_is_told_by_its_title():
     assert tied_words(("after hull.n_r",), plant).endswith(" (changed)")
     assert tied_words(("until effects.rudder.offset",), plant) == "rudder offset (until some time)"
     assert tied_words((), plant) == ""
+    whole = tied_words(("effects.rudder.offset", "growing effects.rudder.offset"), plant, "from")
+    assert whole == "rudder offset (throughout), rudder offset (growing)"
