@@ -102,7 +102,7 @@ def _sought(log: CheckedLog, known: Known, progress: Progress, sought: Collectio
         if chosen.noisier is not None:
             noisier, beside = chosen.noisier
             again = _sought(log, noisier, progress, chosen.paths)
-            if not noisier.led_astray(beside, again.known, again.state, len(again.candidates)):
+            if not noisier.led_astray(chosen.state, beside, again.known, again.state, len(again.candidates)):
                 return again
         found = _reconsidered(log, chosen, progress)
     return found

@@ -113,17 +113,24 @@ def test_what_is_sought_is_fitted_to_the_end_however_little_it_promises(turning)
 
 
 @pytest.mark.parametrize(
-    "ahead, farther, kept", [(0.0, False, False), (5.0, False, False), (50.0, False, True), (0.0, True, True)]
+    "ahead, nearest, kept",
+    [(0.0, "", False), (5.0, "", False), (50.0, "", True), (0.0, "beside", True), (0.0, "alone", True)],
 )
-def test_a_search_is_repeated_beside_further_noises(monkeypatch, turning, ahead, farther, kept):
-    """The first search counts if the second one ends far less likely, or its free runs are farther from the log."""
-    (log, known), asked, sought = turning, [], []
+def test_a_search_is_repeated_beside_further_noises(monkeypatch, turning, ahead, nearest, kept):
+    """The first search counts if the second one ends far less likely, or its free runs are farther from the log.
+
+    They may be farther than those of what was found, fitted beside the noises or without them.
+    """
+    (log, known), asked, sought, states = turning, [], [], {}
     other = replace(known)
 
     def noisier(self: Known, state: State) -> tuple[Known, State]:
         asked.append(state.paths)
         likelier = replace(state.point, scores=state.point.scores + ahead / state.point.scores.size)
-        return (other, replace(state, point=likelier)) if self is known else (self, state)
+        if self is not known:
+            return self, state
+        states.update(alone=state, beside=replace(state, point=likelier))
+        return other, states["beside"]
 
     nearer = Workbench.nearer
 
@@ -132,8 +139,7 @@ def test_a_search_is_repeated_beside_further_noises(monkeypatch, turning, ahead,
         return attribute(*arguments)
 
     def foretells(bench: Workbench, before: State, after: State) -> float:
-        same = before.paths == after.paths
-        return 1.0 if farther and same else nearer(bench, before, after)
+        return 1.0 if after is states.get(nearest) else nearer(bench, before, after)
 
     monkeypatch.setattr(Known, "with_further_noises", noisier)
     monkeypatch.setattr(Workbench, "nearer", foretells)
