@@ -19,6 +19,7 @@ from identification.diagnosis.search.trials import Progress, Trial, gate, judged
 from identification.diagnosis.search.workbench import State, Workbench
 
 LEADERS = 3  # most changes of the leading trial in a round
+FURTHER = "looked for a further effect"  # the step that is left out if no time is left for another round
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +59,7 @@ def attribute(
     """
     state, rounds, left, count = start, [], list(candidates), len(candidates)
     for number in range(most + 1 if left else 0):
-        if number and not bench.goes_on("looked for a further effect"):
+        if number and not bench.goes_on(FURTHER):
             break
         done, share = number / (most + 1), 1.0 / (most + 1)
         made = selected(

@@ -90,25 +90,22 @@ class Known:
         if noisier is self:
             return None
         found = search(noisier)
-        return None if noisier.led_astray(state, beside, found[0], found[1], count) else found
+        return None if noisier.led_astray(beside, found[0], found[1], count) else found
 
-    def led_astray(self, state: State, beside: State, again: Known, there: State, count: int) -> bool:
+    def led_astray(self, state: State, again: Known, there: State, count: int) -> bool:
         """Whether a search beside these noises explains the record less well than what was found without them.
 
         Both the likelihood beside the same noises and free runs are compared: noises may take an effect's place, but
         predict nothing.
-        state: what was found without them.  beside: the same, fitted beside them, which may have moved coefficients to
-        where the noises make up for errors: free runs with either count.
-        again, there: the fits of the search, and what it found.
+        state: what was found without them, fitted beside them.  again, there: the fits of the search, and what it
+        found.
         count: of all candidates, for the bar.
         """
         bench = self.bench
-        ahead = bench.problem.objective(beside.point, beside.paths)
+        ahead = bench.problem.objective(state.point, state.paths)
         ahead -= again.bench.problem.objective(there.point, there.paths)
-        more = max(len(beside.paths) - len(there.paths), 1)
-        if 2.0 * ahead > more * threshold(count):
-            return True
-        return max(bench.nearer(there, one) for one in (state, beside)) > FORETELLS
+        more = max(len(state.paths) - len(there.paths), 1)
+        return 2.0 * ahead > more * threshold(count) or bench.nearer(there, state) > FORETELLS
 
     def out_of_valley(self, trials: Sequence[Trial], bar: float) -> Known:
         """The fits with the nominal one continued from the end of the likeliest trial, if likelier, else unchanged.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from identification.deciding import FEW_STATES, LEAST_OF_SWELL, TIMED
 from identification.diagnosis.log.checking import CheckedLog
 from identification.diagnosis.log.kinematics import Kinematics, kinematic_findings
-from identification.diagnosis.search.attribution import Round, attribute, confirmed, settled
+from identification.diagnosis.search.attribution import FURTHER, Round, attribute, confirmed, settled
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, candidates_of
 from identification.diagnosis.search.known import Known
@@ -89,7 +89,8 @@ def _sought(log: CheckedLog, known: Known, progress: Progress, sought: Collectio
     If the integration steps are too long for the result, all is repeated in shorter ones: a model with the missing
     effect has less noise.  It is also repeated if trials show that the fit without effects has stopped too early, or if
     the errors beside the found effects show waves or lasting sensor errors: without these noises, effects and
-    differences between parts seem more certain than they are.  That search counts unless it went astray.
+    differences between parts seem more certain than they are.  That search counts unless it went astray, or ended for
+    want of time where the one without these noises did not.
 
     sought: paths that are fitted to the end whatever they promise; beside further noises, those chosen without them.
     """
@@ -102,7 +103,8 @@ def _sought(log: CheckedLog, known: Known, progress: Progress, sought: Collectio
         if chosen.noisier is not None:
             noisier, beside = chosen.noisier
             again = _sought(log, noisier, progress, chosen.paths)
-            if not noisier.led_astray(chosen.state, beside, again.known, again.state, len(again.candidates)):
+            cut_short = FURTHER in again.known.bench.unfinished and FURTHER not in found.bench.unfinished
+            if not cut_short and not noisier.led_astray(beside, again.known, again.state, len(again.candidates)):
                 return again
         found = _reconsidered(log, chosen, progress)
     return found

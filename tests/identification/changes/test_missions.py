@@ -122,7 +122,7 @@ def test_the_search_is_repeated_beside_waves_unless_that_leads_astray(monkeypatc
         return nominal, [SimpleNamespace(chosen=chosen), SimpleNamespace(chosen=None)]
 
     monkeypatch.setattr(Known, "with_further_noises", noisier)
-    monkeypatch.setattr(Known, "led_astray", lambda self, state, beside, again, there, count: astray)
+    monkeypatch.setattr(Known, "led_astray", lambda self, state, again, there, count: astray)
     monkeypatch.setattr(missions, "attribute", attributed)
     found = missions._attributed(known, (), 1, lambda fraction, text: None)
     assert found[0] is (known if astray else other)

@@ -44,7 +44,7 @@ def test_the_search_is_repeated_beside_waves_unless_that_leads_astray(monkeypatc
         return (self, state) if len(searched) == 2 else (other, state)
 
     monkeypatch.setattr(Known, "with_further_noises", noisier)
-    monkeypatch.setattr(Known, "led_astray", lambda self, state, beside, again, there, count: astray)
+    monkeypatch.setattr(Known, "led_astray", lambda self, state, again, there, count: astray)
     monkeypatch.setattr(onset, "searched_in_time", searching)
     monkeypatch.setattr(onset, "placed", lambda bench, state, edges: (bench, state))
     found, *_ = onset._beside_noises(known, (), 1, 1, lambda fraction, text: None)

@@ -1,5 +1,6 @@
 """Tests of a whole search, such as its repetition if the result needs shorter integration steps or further noises."""
 
+from copy import copy
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -11,7 +12,7 @@ from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from identification.diagnosis.log.checking import Asked, check_log
 from identification.diagnosis.search import searching, workbench
-from identification.diagnosis.search.attribution import attribute
+from identification.diagnosis.search.attribution import FURTHER, attribute
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import candidates_of
 from identification.diagnosis.search.known import Known, fit_known
@@ -113,24 +114,17 @@ def test_what_is_sought_is_fitted_to_the_end_however_little_it_promises(turning)
 
 
 @pytest.mark.parametrize(
-    "ahead, nearest, kept",
-    [(0.0, "", False), (5.0, "", False), (50.0, "", True), (0.0, "beside", True), (0.0, "alone", True)],
+    "ahead, farther, kept", [(0.0, False, False), (5.0, False, False), (50.0, False, True), (0.0, True, True)]
 )
-def test_a_search_is_repeated_beside_further_noises(monkeypatch, turning, ahead, nearest, kept):
-    """The first search counts if the second one ends far less likely, or its free runs are farther from the log.
-
-    They may be farther than those of what was found, fitted beside the noises or without them.
-    """
-    (log, known), asked, sought, states = turning, [], [], {}
+def test_a_search_is_repeated_beside_further_noises(monkeypatch, turning, ahead, farther, kept):
+    """The first search counts if the second one ends far less likely, or its free runs are farther from the log."""
+    (log, known), asked, sought = turning, [], []
     other = replace(known)
 
     def noisier(self: Known, state: State) -> tuple[Known, State]:
         asked.append(state.paths)
         likelier = replace(state.point, scores=state.point.scores + ahead / state.point.scores.size)
-        if self is not known:
-            return self, state
-        states.update(alone=state, beside=replace(state, point=likelier))
-        return other, states["beside"]
+        return (other, replace(state, point=likelier)) if self is known else (self, state)
 
     nearer = Workbench.nearer
 
@@ -139,7 +133,8 @@ def test_a_search_is_repeated_beside_further_noises(monkeypatch, turning, ahead,
         return attribute(*arguments)
 
     def foretells(bench: Workbench, before: State, after: State) -> float:
-        return 1.0 if after is states.get(nearest) else nearer(bench, before, after)
+        same = before.paths == after.paths
+        return 1.0 if farther and same else nearer(bench, before, after)
 
     monkeypatch.setattr(Known, "with_further_noises", noisier)
     monkeypatch.setattr(Workbench, "nearer", foretells)
@@ -163,11 +158,30 @@ def test_further_noises_are_looked_for_also_where_there_was_no_time_for_a_furthe
         return (other, state) if self is known else (self, state)
 
     monkeypatch.setattr(Known, "with_further_noises", noisier)
-    monkeypatch.setattr(Workbench, "goes_on", lambda bench, step: step != "looked for a further effect")
+    monkeypatch.setattr(Workbench, "goes_on", lambda bench, step: step != FURTHER)
     found = search_effects(log, known, lambda fraction, text: None)
     assert asked == [known]
     assert found.known is other
     assert [made.chosen is None for made in found.rounds] == [False]
+
+
+def test_a_search_beside_further_noises_that_has_no_time_to_end_does_not_count(turning, monkeypatch):
+    """The one without them, which ended, counts."""
+    log, known = turning
+    bench = copy(known.bench)
+    bench._begin()
+    other = replace(known, bench=bench)
+
+    def goes_on(self: Workbench, step: str) -> bool:
+        if self is bench and step == FURTHER:
+            self.unfinished.append(step)
+        return self is not bench
+
+    monkeypatch.setattr(Known, "with_further_noises", lambda self, state: (other, state))
+    monkeypatch.setattr(Workbench, "goes_on", goes_on)
+    found = search_effects(log, known, lambda fraction, text: None)
+    assert found.known is known
+    assert found.rounds[-1].chosen is None  # it has looked for a further effect
 
 
 @pytest.mark.parametrize(
