@@ -18,11 +18,16 @@ BETWEEN_NOISES = 5  # noises from a quieted state's to the fitted ones with whic
 
 @dataclass(frozen=True, eq=False)
 class Begun:
-    """A candidate's state after a few steps; promise: the evidence for it there, twice the gain in log-likelihood."""
+    """A candidate's state after a few steps.
+
+    promise: the evidence for it there, twice the gain in log-likelihood.  beside: its gain over the base with the
+    base's noises; 0 unless that has less process noise than suits it.
+    """
 
     screening: Screening
     state: State
     promise: float
+    beside: float = 0.0
 
 
 def rival_of(bench: Workbench, state: State, base: State) -> State:
@@ -62,7 +67,8 @@ def begun_from(bench: Workbench, state: State, base: State, screening: Screening
     best = max(finite or points[:1], key=lambda p: problem.objective(p, paths))
     point = problem.descended(best, paths, FIRST_ITERATIONS)
     first = State(problem.plant_at(point, paths), paths, point, base.quiet)
-    return Begun(screening, first, _promise(bench, rival, first))
+    beside = bench.gain(base, first) if base.quiet and first.finite else 0.0
+    return Begun(screening, first, _promise(bench, rival, first), beside)
 
 
 def _promise(bench: Workbench, rival: State, first: State) -> float:

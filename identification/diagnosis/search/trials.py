@@ -248,7 +248,8 @@ def _in_place(bench: Workbench, state: State, one: Begun, first: Begun, reached:
 def finalists_of(begun: Sequence[Begun], plain: Collection[str], least: float) -> list[Begun]:
     """The begun candidates to fit to the end: the most promising with at least `least`, and all of `plain`.
 
-    Those begun with less process noise may promise less: their whole fit, with other noises, gains more than that.
+    Those begun with less process noise may promise less: their whole fit, with other noises, gains more than that, in a
+    long log far more.  So those that gain most with that noise are included, too.
     """
     worth = (
         b
@@ -258,7 +259,9 @@ def finalists_of(begun: Sequence[Begun], plain: Collection[str], least: float) -
     finite = sorted((b for b in worth if np.isfinite(b.promise)), key=lambda b: -b.promise)
     best = finite[0].promise if finite else 0.0
     known = [not set(plain).isdisjoint(b.screening.candidate.paths) for b in finite]
-    return [b for i, b in enumerate(finite) if i < FINALISTS or b.promise >= CLOSER * best or known[i]]
+    likeliest = [b for i, b in enumerate(finite) if i < FINALISTS or b.promise >= CLOSER * best or known[i]]
+    loudest = sorted((b for b in finite if b.state.quiet), key=lambda b: -b.beside)[:FINALISTS]
+    return likeliest + [b for b in loudest if b not in likeliest]
 
 
 def _overtaken(begun: Sequence[Begun], trials: Sequence[Trial], bar: float) -> list[Begun]:

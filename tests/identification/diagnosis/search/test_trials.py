@@ -525,6 +525,9 @@ def test_finalists_are_the_three_best_and_whatever_is_near_the_best_or_plain():
     assert finalists([1.9, 2.1, -5.0, 0.0, -np.inf, np.nan]) == [paths[1]]  # above the least promise for a fit
     begun = [trials.Begun(screened_of(OFFSET), replace(state_of(QUICK, OFFSET), quiet=True), -5.0)]
     assert trials.finalists_of(begun, (), 2.0) == begun  # its fit, with other noises, gains more
+    loud = [replace(begun[0], promise=-90.0, beside=b) for b in (400.0, 300.0, 200.0, 100.0)]
+    likely = [replace(begun[0], promise=p, beside=1.0) for p in (30.0, 29.0, 28.0)]
+    assert trials.finalists_of([*loud, *likely], (), 2.0) == [*likely, *loud[:3]]
 
 
 @pytest.mark.parametrize(
