@@ -117,9 +117,9 @@ class Matches:
         from auv_gym.records.unread import only_readings
 
         record = None if self.found.sampled is not None else self.record_of(name)
-        return (
-            [] if record is None else only_readings(record, [o for o in self.plants[name].outputs if record.has(o)])[1]
-        )
+        if record is None:
+            return []
+        return only_readings(record, [o for o in self.plants[name].outputs if record.has(o)])[1]
 
     @property
     def fits(self) -> bool:
