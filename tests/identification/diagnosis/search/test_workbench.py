@@ -1,6 +1,7 @@
 """Tests of the workbench: windows for unstable vehicles, integration steps, priors, noises, and evidence by parts."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from identification.diagnosis.search.workbench import State, Workbench
 from identification.experiments.missions import run_mission
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.steps import in_steps
+from tests.identification.diagnosis.stand_ins import PLANT, state_of
 from tests.identification.gliders import QUICK
 
 OFFSET = "effects.rudder.offset"
@@ -248,3 +250,35 @@ def test_what_was_fitted_is_taken_over_into_shorter_steps(torpedoes, monkeypatch
     taken = finer.taken_over(state)
     assert taken.plant == finer.plant
     assert abs(finer.gain(taken, finer.fit(finer.plant, ()))) < 0.05 * TIE  # too little to change any decision
+
+
+@pytest.mark.parametrize(
+    "there, lasts, swells, asked",
+    [
+        ((1, 1), (0, 1), (0, 0), [None, (0, 1)]),
+        ((1, 1), (0, 0), (0, 0), [None]),
+        ((0, 1), (0, 1), (0, 0), [None]),
+        ((1, 1), (1, 1), (0, 0), [None]),
+        ((1, 0), (0, 0), (0, 1), [None, (0, 1)]),
+    ],
+)
+def test_what_lasts_and_a_swell_are_taken_for_weaker_by_themselves_beside_what_is_brief(there, lasts, swells, asked):
+    found = []
+
+    def quieted(point, which=None):
+        found.append(None if which is None else tuple(which.astype(int)))
+        return point
+
+    masks = [np.array(m, dtype=bool) for m in (there, lasts, swells)]
+    problem = SimpleNamespace(
+        pushed=("u", "w"),
+        pushes=lambda point: masks[0],
+        lasting=lambda point: masks[1],
+        swelling=lambda point: masks[2],
+        quieted=quieted,
+    )
+    bench = SimpleNamespace(problem=problem, once=lambda state, question, work: work())
+    bases = Workbench.quieted(bench, state_of(PLANT))
+    assert found == asked
+    assert len(bases) == len(asked)
+    assert all(base.quiet for base in bases)
