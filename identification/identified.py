@@ -23,7 +23,7 @@ from identification.linear.uncertainty import SimulatedBand, simulated_band
 HELD_SHARE = 1.0 / 3.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Identified:
     """A fit, and the errors of its model on held-out data.
 
@@ -43,6 +43,12 @@ class Identified:
     sweep: dict[str, dict[float, float]] | None = None
     band: SimulatedBand | None = None
     doubts: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        runs = {} if self.open_loop is None else self.open_loop.scores
+        errors = [f"{name} {score.rmse:.3g} (RMS)" for scores in runs.values() for name, score in scores.items()]
+        found = f"free runs over {self.told} err by {', '.join(errors)}" if errors else self.problem
+        return f"Identified({type(self.fit.model).__name__}: {found})"
 
 
 def identify(

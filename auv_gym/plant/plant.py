@@ -21,7 +21,7 @@ from auv_gym.vehicles.body.learned_hull import LearnedHull
 _EFFECTS = "effects."
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Plant:
     """A vehicle and its effects as a Model.
 
@@ -69,6 +69,11 @@ class Plant:
             raise ValueError(
                 f"A plant needs settle > 0 s and under half of its window of {self.window:g} s, got {self.settle!r}."
             )
+
+    def __repr__(self) -> str:
+        values = ((path, value_at(self, path)) for path in list_paths(self) if path.startswith(_EFFECTS))
+        present = [f"{path} = {value:.4g}" for path, value in values if value != spec_at(self, path).neutral]
+        return f"Plant({self.name!r}: {self.title or self.family.title}; effects: {', '.join(present) or 'none'})"
 
     @property
     def hull(self) -> Any:

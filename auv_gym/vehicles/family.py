@@ -69,7 +69,7 @@ class RightHandSide:
     kick: Callable[[Any, Any, Any, float, Any, Any], None] = no_kick
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Family:
     """A right-hand side with its channels, and all other properties of a family."""
 
@@ -154,6 +154,9 @@ class Family:
     program: str = ""  # families with the same program share compiled code; default: those of one kind
     body: Any = None  # for a hull with parts, their description: `vehicles.body.body.Body`
     rebuild: tuple[Callable[..., Any], tuple[Any, ...]] | None = None  # for families without a name of their own
+
+    def __repr__(self) -> str:
+        return f"Family({self.name!r}: {self.title})"
 
     @property
     def leading(self) -> str:

@@ -37,7 +37,7 @@ NEEDLESS = "the log is explained as well without {it}"
 LEANS = "the log gives no certain size for {it} without the effects that are not named"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Stage:
     """A vehicle and its free runs over all windows.
 
@@ -56,7 +56,7 @@ class Stage:
     without: tuple[Plant, ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """The result of comparing a record with a vehicle.
 
