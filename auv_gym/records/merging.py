@@ -18,6 +18,7 @@ _SHUFFLED = 0.1  # share of rows that are earlier than the previous one; above i
 _BESIDE = 0.6  # share of a channel's readings in rows of the leading one; for a sensor twice as fast it is a half
 _SLOWEST = 10.0  # intervals of the base; a motion that is sampled more slowly is unknown in between,
 _SOON = 2.0  # s, unless it is sampled at least this often: underwater, little changes in that time
+_REPEATED = 10  # messages of a command, from which on one can tell whether it is sent again and again
 # model inputs that change slowly, however rare their readings: of the engine, and of the water
 _SLOW = frozenset(["buoyancy_volume_m3", "temperature_C", "salinity_psu", "conductivity_Spm", "density_kgpm3"])
 
@@ -74,8 +75,9 @@ def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
     The time base is that of `leading`, otherwise of heading, of depth, or of the motion channel with the most samples.
     Rows of its table in which only other sensors were read are left out.  Channels with a reading in most of the
     remaining rows are kept as they are; all others are brought to these rows.  Inputs, commands and flags hold their
-    last value.  Measurements are interpolated linearly, attitudes along the shortest rotation, if two samples are no
-    further apart than the signal's gap limit and 10 intervals of the base, or 2 s; otherwise they are missing.
+    last value, unless they are no longer sent, see `_lasts`.  Measurements are interpolated linearly, attitudes along
+    the shortest rotation, if two samples are no further apart than the signal's gap limit and 10 intervals of the base,
+    or 2 s; otherwise they are missing.
     Raises ValueError if there are no rows, or if all have the same time.
     """
     notes: list[str] = []
@@ -374,7 +376,7 @@ def _in_part(
     time, values, slack = stream.time[rows], column[rows], SAME * spacing
     before = np.searchsorted(time, at + slack, side="right") - 1
     if of is not None and of.held:
-        return np.where(before >= 0, values[np.maximum(before, 0)], np.nan)
+        return np.where((before >= 0) & (at <= time[-1] + _lasts(time, values)), values[np.maximum(before, 0)], np.nan)
     after = np.minimum(np.searchsorted(time, at), time.size - 1)
     if of is None:
         result = interpolated(at, time, values)
@@ -388,6 +390,17 @@ def _in_part(
     unknown = (at < time[0] - slack) | (at > time[-1] + slack) | (time[after] - time[np.maximum(before, 0)] > near)
     result[unknown] = np.nan
     return result
+
+
+def _lasts(time: np.ndarray, values: np.ndarray) -> float:
+    """How long the last of some values, (n,), sent at certain times, holds, s: for ever, unless it would be sent again.
+
+    A command that is mostly sent without a change is sent again and again.  When that ends, its sender has stopped, and
+    thrusters and servos stop, too, as most do without a command.  Twice the longest pause is still an ordinary one.
+    """
+    if time.size < _REPEATED or np.mean(np.diff(values) == 0.0) < 0.5:
+        return np.inf
+    return 2.0 * float(np.diff(time).max())
 
 
 def _segments(base: Stream) -> np.ndarray | None:

@@ -19,7 +19,6 @@ from identification.deciding import COST, LEAST_OF_SWELL, MOST_SWELLS
 from identification.fit.coloured import coloured_channels
 from identification.fit.followed import Point
 from identification.fit.prediction_errors import PredictionErrors
-from identification.fit.sensitivities import TRIAL_GAIN
 from identification.fit.swell import period_of_swell
 
 Added = tuple[Sequence[int], Sequence[int], float]  # arguments of `Stretches.with_noises`
@@ -48,7 +47,7 @@ def further_noises(
     found: list[Noisier] = []
     while _waved(problem) and (kinds := _kinds(problem, point, paths, waves_alone)):
         likeliest, most = None, 0.0
-        for kind, other in zip(kinds, side_by_side(partial(_pruned, problem, plant, paths, point), kinds), strict=True):
+        for kind, other in zip(kinds, side_by_side(partial(_pruned, problem, paths, point), kinds), strict=True):
             gain = 0.0 if other is None else _gain(problem, point, other, paths) - COST * (kind[2] > 0.0)
             if other is not None and gain > most:
                 likeliest, most = other, gain
@@ -56,10 +55,9 @@ def further_noises(
             break
         found.append(likeliest)
         problem, point = likeliest.problem, likeliest.point
-        plant = problem.plant_at(point, paths) if paths else plant
     if not found or (waves_alone and period_of_swell(problem, point)):
         return []
-    found[-1] = replace(found[-1], point=problem.solve(plant, paths, point))  # what was compared stopped early
+    found[-1] = replace(found[-1], point=problem.solve(plant, paths, point))  # what was compared held all else
     return found
 
 
@@ -117,21 +115,16 @@ def _internal_waves(problem: PredictionErrors, point: Point, paths: Sequence[str
     return [kinds[int(np.argmax(side_by_side(likely, kinds)))]] if kinds else []
 
 
-def _pruned(
-    problem: PredictionErrors, plant: Plant, paths: Sequence[str], point: Point, added: Added
-) -> Noisier | None:
-    """The fitted problem with those of the added noises that are present; None if none is."""
+def _pruned(problem: PredictionErrors, paths: Sequence[str], point: Point, added: Added) -> Noisier | None:
+    """The problem with those of the added noises that are present, and its point, all else held; None if none is."""
     other = problem.with_noises(*added)
-    near = Noisier(added, other, begun_beside(other, point, paths))
-    if not _gain(problem, point, near, paths) > 0.0:  # all else held
-        return None
-    there = Noisier(added, other, other.solve(plant, paths, near.point, gain=TRIAL_GAIN))
+    there = Noisier(added, other, other.stilled(begun_beside(other, point, paths), paths))
     pushing, misread = _told(there)
     velocities, readings, period = added
     if not (pushing or misread) or (velocities and len(pushing) < _least(problem)):
         return None
     if len(misread) < len(readings):
-        return _pruned(problem, plant, paths, point, (pushing, misread, period))
+        return _pruned(problem, paths, point, (pushing, misread, period))
     return there
 
 

@@ -82,7 +82,7 @@ class PredictionErrors(Noises):
                 break
             here, known, own = there, None, False
         else:
-            return self._stilled(here, paths) if noise else here
+            return self.stilled(here, paths) if noise else here
         return here
 
     def _begun(self, vector: np.ndarray, near: Point | None) -> Point:
@@ -117,12 +117,12 @@ class PredictionErrors(Noises):
 
     def _weaker(self, here: Point, paths: Sequence[str]) -> Point:
         """The point without some accelerations, or what a fit from weaker ones reaches, if either is likelier."""
-        there = self._stilled(here, paths)
+        there = self.stilled(here, paths)
         if there is here and paths and self.pushed:
             there = self._quieter(here, paths)
         return there
 
-    def _stilled(self, here: Point, paths: Sequence[str]) -> Point:
+    def stilled(self, here: Point, paths: Sequence[str]) -> Point:
         """The point without those accelerations whose absence is likelier, given their cost.
 
         The linearised filter judges each acceleration by itself.  The absence of all is judged by the vehicle itself,
@@ -222,21 +222,37 @@ class PredictionErrors(Noises):
     def _quieter(self, here: Point, paths: Sequence[str]) -> Point:
         """The point that a fit reaches from much weaker accelerations, or from brief ones, if it is likelier.
 
-        If an effect was missing, accelerations have grown to absorb it, and would leave little of it to find.  If each
-        row is far less likely after the fit of the parameters, the accelerations are needed: a fit of the noises would
-        only bring them back.
+        If an effect was missing, accelerations have grown to absorb it, and would leave little of it to find.
         """
-        for taken, brief in ((self.quieted, False), (self.hurried, True)):
-            quiet = taken(here)
-            if quiet is None:
-                continue
-            there = self.descended(quiet, paths)
-            lost = self.objective(here, paths) - self.objective(there, paths)
-            if lost < FAR * len(self.rows):
-                there = self.renewed(there, there.logs if brief else here.logs, paths)
-                if self.objective(there, paths) > self.objective(here, paths):
-                    return there
+        for reach in (self._from_weaker, self.from_brief):
+            there = reach(here, paths)
+            if there is not None and self.objective(there, paths) > self.objective(here, paths):
+                return there
         return here
+
+    def _from_weaker(self, here: Point, paths: Sequence[str]) -> Point | None:
+        """The point that a step of a fit reaches from much weaker accelerations; None if these are needed."""
+        weaker = self.quieted(here)
+        return None if weaker is None else self._settled(here, weaker, here.logs, paths)
+
+    def from_brief(self, here: Point, paths: Sequence[str]) -> Point | None:
+        """The point that a step of a fit reaches from brief accelerations in place of lasting ones.
+
+        None if no acceleration lasts, or if the lasting ones are needed.
+        """
+        brief = self.hurried(here)
+        return None if brief is None else self._settled(here, brief, None, paths)
+
+    def _settled(self, here: Point, there: Point, logs: np.ndarray | None, paths: Sequence[str]) -> Point | None:
+        """The end of a step of a fit from `there`, with noises sought from given ones, or else from its own.
+
+        None if each row is far less likely after the fit of the parameters than `here`: the accelerations are then
+        needed, and a fit of the noises would only bring them back.
+        """
+        there = self.descended(there, paths)
+        if self.objective(here, paths) - self.objective(there, paths) >= FAR * len(self.rows):
+            return None
+        return self.renewed(there, there.logs if logs is None else logs, paths)
 
     def _renewed(
         self, here: Point, paths: Sequence[str], steps: int, known: np.ndarray | None = None

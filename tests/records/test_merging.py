@@ -341,3 +341,20 @@ def test_nothing_to_merge():
     r = merged([stream([], depth_m=[])])
     assert r.time.size == 0
     assert r.values == {}
+
+
+@pytest.mark.parametrize(
+    "sent, changes, known_until",
+    [
+        (np.arange(50) / 5.0, False, 10.2),
+        (np.r_[np.arange(25) / 5.0, 7.8 + np.arange(11) / 5.0], False, 15.8),  # twice the longest pause, 3 s
+        (np.arange(50) / 5.0, True, np.inf),  # sent when it changes
+        (np.arange(9) / 5.0, False, np.inf),  # too few messages to tell
+    ],
+)
+def test_a_command_that_is_sent_again_and_again_is_unknown_once_that_has_ended(sent, changes, known_until):
+    time = np.arange(300) / 10.0
+    values = 1500.0 + 80.0 * (np.arange(sent.size) % 2 if changes else np.arange(sent.size) > 5)
+    made = merged([stream(time, heading_rad=0.1 * time), stream(sent, "commands", t1_us=values)])
+    known = np.isfinite(made.values["t1_us"])
+    assert np.array_equal(known, time <= known_until + 1e-6)

@@ -13,21 +13,20 @@ from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.parameters import kinked
 
 FIRST_ITERATIONS = 2  # steps for each candidate of the short list
-BETWEEN_NOISES = 5  # noises from a quieted state's to the fitted ones with which a candidate's promise is computed
 
 
 @dataclass(frozen=True, eq=False)
 class Begun:
     """A candidate's state after a few steps.
 
-    promise: the evidence for it there, twice the gain in log-likelihood.  beside: its gain over the base with the
-    base's noises; 0 unless that has less process noise than suits it.
+    promise: the evidence for it there, twice the gain in log-likelihood.  quiet: whether it was begun beside less
+    process noise than suits the vehicle without it.
     """
 
     screening: Screening
     state: State
     promise: float
-    beside: float = 0.0
+    quiet: bool = False
 
 
 def rival_of(bench: Workbench, state: State, base: State) -> State:
@@ -66,30 +65,15 @@ def begun_from(bench: Workbench, state: State, base: State, screening: Screening
     finite = [p for p in points if np.isfinite(p.scores).all()]  # `max` would keep NaN against all later points
     best = max(finite or points[:1], key=lambda p: problem.objective(p, paths))
     point = problem.descended(best, paths, FIRST_ITERATIONS)
-    first = State(problem.plant_at(point, paths), paths, point, base.quiet)
-    beside = bench.gain(base, first) if base.quiet and first.finite else 0.0
-    return Begun(screening, first, _promise(bench, rival, first), beside)
-
-
-def _promise(bench: Workbench, rival: State, first: State) -> float:
-    """The evidence for a candidate after a few steps.
-
-    Beside less process noise than suits the rival, the rival does badly, and so does the candidate unless it explains
-    nearly everything: both are compared at the noises that suit them.  For the candidate, these are the likeliest of
-    several between the two states' noises.
-    """
-    if not first.finite:
-        return -np.inf
-    points, problem = [first.point], bench.problem
-    if first.quiet:
-        between = np.linspace(first.point.logs, rival.point.logs, BETWEEN_NOISES)[1:]
-        points += [problem.point(first.point.vector, logs, first.point) for logs in between]
-    return max(bench.gain(rival, replace(first, point=point)) for point in points)
+    if base.quiet and np.isfinite(point.scores).all():  # the rival has the noises that suit it
+        point = problem.renewed(point, rival.point.logs, paths)
+    first = State(problem.plant_at(point, paths), paths, point)
+    return Begun(screening, first, bench.gain(rival, first) if first.finite else -np.inf, base.quiet)
 
 
 def misjudged(bench: Workbench, base: State) -> float:
-    """The factor by which evidence is too large beside a state with less process noise than suits it; else 1."""
-    if not base.quiet:
+    """The factor by which evidence is too large beside a state whose errors are larger than its noises; else 1."""
+    if base.suited:
         return 1.0
     squares = float((base.point.errors**2).sum())
     return max(squares / max(bench.problem.count, 1), 1.0)

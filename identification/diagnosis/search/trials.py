@@ -81,8 +81,8 @@ def trials_of(
     count: number of all candidates.  plain: paths that are fitted to the end however little they promise.
     """
     progress(0.0, "screening")
-    screened, bases, first = _screened(bench, state, left, threshold(count))
-    listed = _short_list(screened, list(first)[:HERE], threshold(count), plain)
+    screened, bases, first, leading = _screened(bench, state, left, threshold(count))
+    listed = _short_list(screened, leading, threshold(count), plain)
 
     progress(0.2, "trying what is promising")
 
@@ -126,22 +126,32 @@ def trials_of(
 
 def _screened(
     bench: Workbench, state: State, left: Sequence[Candidate], bar: float
-) -> tuple[list[Screening], dict[Candidate, State], dict[Candidate, Screening]]:
-    """The best screening of each candidate, most evidence first, its base state, and the screenings in `state`.
+) -> tuple[list[Screening], dict[Candidate, State], dict[Candidate, Screening], list[Candidate]]:
+    """The best screening of each candidate, most promising first, and its base state; the screenings in `state`; and
+    the candidates that lead beside noises that suit: in `state`, and with brief accelerations instead of lasting ones.
 
     The base states are the given one and two kinds of variants.  Variants with the coefficients as given: coefficients
     that were fitted without the missing effect may be so wrong that its signature is meaningless there.  Variants with
-    less process noise: the noise may have grown to absorb the effect, and then leaves little of it to see.
+    less process noise: the noise may have grown to absorb the effect, and then leaves little of it to see.  Beside
+    brief accelerations of suitable strength, evidence is what it seems: what passes the bar there comes before what is
+    louder beside accelerations that are merely weakened.
     """
     problem = bench.problem
     found: dict[Candidate, Screening] = {}
     bases: dict[Candidate, State] = {}
     here: dict[Candidate, Screening] = {}
+    leading: list[Candidate] = []
+
+    def rank(s: Screening, base: State) -> tuple[bool, float]:
+        return base.quiet and base.suited and s.evidence >= bar, s.evidence
+
     for base in (state, *bench.with_given(state), *bench.quieted(state)):
         regression = Regression(problem, base.point, state.paths, bar)
         less, times = _behind(bench, state, base, regression), misjudged(bench, base)
         promising = regression.screened(left)
         here = here or {s.candidate: s for s in promising}
+        if base is state or (base.quiet and base.suited):
+            leading += [s.candidate for s in promising[:HERE]]
         for s in promising:
             evidence, parameters = s.together
             together = (evidence / times - less, parameters)
@@ -151,10 +161,10 @@ def _screened(
                 s, found[s.candidate] = (replace(one, together=likelier) for one in (s, found[s.candidate]))
             if s.candidate not in found:
                 found[s.candidate], bases[s.candidate] = s, base
-            elif s.evidence > found[s.candidate].evidence:
+            elif rank(s, base) > rank(found[s.candidate], bases[s.candidate]):
                 # the detectable size is that for the noise as fitted
                 found[s.candidate], bases[s.candidate] = replace(s, detectable=found[s.candidate].detectable), base
-    return sorted(found.values(), key=lambda s: -s.evidence), bases, here
+    return sorted(found.values(), key=lambda s: rank(s, bases[s.candidate]), reverse=True), bases, here, leading
 
 
 def _behind(bench: Workbench, state: State, base: State, regression: Regression) -> float:
@@ -172,11 +182,11 @@ def _behind(bench: Workbench, state: State, base: State, regression: Regression)
 
 
 def _short_list(
-    screened: Sequence[Screening], here: Collection[Candidate], bar: float, plain: Collection[str]
+    screened: Sequence[Screening], leading: Collection[Candidate], bar: float, plain: Collection[str]
 ) -> list[Screening]:
     """The candidates that are worth a fit, most promising first.
 
-    here: those that promise most from the state as it is.  With too little process noise, random accelerations look
+    leading: those that promise most beside noises that suit.  With too little process noise, random accelerations look
     like many effects, which would otherwise fill the list.
     """
     # candidates below the least trace are left out.  So are those of a part without evidence, if parts are tested and
@@ -192,8 +202,8 @@ def _short_list(
             or not set(plain).isdisjoint(s.candidate.paths)
         )
     ]
-    best = worth[0].evidence if worth else 0.0
-    known = [s.candidate in here or not set(plain).isdisjoint(s.candidate.paths) for s in worth]
+    best = max((s.evidence for s in worth), default=0.0)
+    known = [s.candidate in leading or not set(plain).isdisjoint(s.candidate.paths) for s in worth]
     return [s for i, s in enumerate(worth) if i < SHORT_LIST or s.evidence >= CLOSE * best or known[i]]
 
 
@@ -217,10 +227,7 @@ def all_finished(bench: Workbench, state: State, begun: Sequence[Begun], count: 
             swapped = _in_place(bench, state, one, first, led.state)
             if bench.gain(swapped, led.state) < TIE:
                 return swapped
-        near, paths = one.state, one.state.paths
-        if near.quiet:
-            near = State(near.plant, paths, bench.problem.renewed(near.point, state.point.logs, paths))
-        return near
+        return one.state
 
     led = finish(first)
     later = side_by_side(lambda one: finish(one, led), others)
@@ -248,20 +255,15 @@ def _in_place(bench: Workbench, state: State, one: Begun, first: Begun, reached:
 def finalists_of(begun: Sequence[Begun], plain: Collection[str], least: float) -> list[Begun]:
     """The begun candidates to fit to the end: the most promising with at least `least`, and all of `plain`.
 
-    Those begun with less process noise may promise less: their whole fit, with other noises, gains more than that, in a
-    long log far more.  So those that gain most with that noise are included, too.
+    Those begun beside less process noise may promise less: their whole fit gains more.
     """
     worth = (
-        b
-        for b in begun
-        if b.promise >= least or b.state.quiet or not set(plain).isdisjoint(b.screening.candidate.paths)
+        b for b in begun if b.promise >= least or b.quiet or not set(plain).isdisjoint(b.screening.candidate.paths)
     )
     finite = sorted((b for b in worth if np.isfinite(b.promise)), key=lambda b: -b.promise)
     best = finite[0].promise if finite else 0.0
     known = [not set(plain).isdisjoint(b.screening.candidate.paths) for b in finite]
-    likeliest = [b for i, b in enumerate(finite) if i < FINALISTS or b.promise >= CLOSER * best or known[i]]
-    loudest = sorted((b for b in finite if b.state.quiet), key=lambda b: -b.beside)[:FINALISTS]
-    return likeliest + [b for b in loudest if b not in likeliest]
+    return [b for i, b in enumerate(finite) if i < FINALISTS or b.promise >= CLOSER * best or known[i]]
 
 
 def _overtaken(begun: Sequence[Begun], trials: Sequence[Trial], bar: float) -> list[Begun]:

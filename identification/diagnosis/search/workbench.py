@@ -36,13 +36,15 @@ ITERATIONS = 12  # most iterations of a trial's fit
 class State:
     """A vehicle with fitted parameters and noises, and its filter along the record.
 
-    paths: the fitted parameters.  quiet: whether it has less process noise than suits it best.
+    paths: the fitted parameters.  quiet: whether its accelerations were weakened or made brief, to absorb less.
+    suited: whether it has the noises that suit it, so that its errors are as large as these make them.
     """
 
     plant: Plant
     paths: tuple[str, ...]
     point: Point
     quiet: bool = False
+    suited: bool = True
 
     @property
     def finite(self) -> bool:
@@ -242,19 +244,22 @@ class Workbench:
         """The variants of a state with less process noise, of all or some kinds, whose filters still follow the record.
 
         The first has weaker accelerations of all kinds but a swell.  Lasting accelerations can absorb a steady effect,
-        while brief ones, such as those by waves, may still be needed: the second has weaker lasting ones only.  A swell
-        can absorb the effect of regular waves, or of what makes a control loop oscillate: the third has a weaker swell.
+        while brief ones, such as those by waves, may still be needed: the second has brief ones instead of the lasting
+        ones, and the parameters and noises that suit them.  A swell can absorb the effect of regular waves, or of what
+        makes a control loop oscillate: the third has a weaker swell.
         """
         problem = self.problem
         if not problem.pushed:
             return ()
 
         def found() -> tuple[State, ...]:
-            lasting = problem.lasting(state.point)
-            brief, swell = problem.pushes(state.point) & ~lasting, problem.swelling(state.point)
-            kinds = [None, *[lasting] * bool(lasting.any() and brief.any()), *[swell] * bool(swell.any())]
-            there = [problem.quieted(state.point, which) for which in kinds]
-            return tuple(State(state.plant, state.paths, p, True) for p in there if p is not None)
+            swell = problem.swelling(state.point)
+            weaker = [problem.quieted(state.point, which) for which in [None, *[swell] * bool(swell.any())]]
+            there = [State(state.plant, state.paths, p, True, False) for p in weaker if p is not None]
+            brief = problem.from_brief(state.point, state.paths)
+            if brief is not None:
+                there.insert(1, State(problem.plant_at(brief, state.paths), state.paths, brief, True))
+            return tuple(there)
 
         return self.once(state, "quieted", found)
 

@@ -571,7 +571,7 @@ def test_better_noises_are_not_sought_where_weaker_accelerations_leave_rows_far_
 def test_a_fit_that_runs_out_of_turns_leaves_out_what_is_likelier_absent(pushed, monkeypatch):
     problem = PredictionErrors(GLIDER, pushed, whole(pushed))
     kept = problem.solve(GLIDER, PATHS)
-    monkeypatch.setattr(problem, "_stilled", lambda here, paths: kept)
+    monkeypatch.setattr(problem, "stilled", lambda here, paths: kept)
     assert problem.solve(GLIDER, PATHS, iterations=1) is kept
 
 

@@ -73,13 +73,27 @@ def test_begun_with_too_little_process_noise_promises_are_no_more_than_whole_fit
         (own,) = (c for c in candidates if path in c.paths)
         (screening,) = screen(bench.problem, base.point, state.paths, [own], 10.0)
         begun = begun_from(bench, state, base, screening, rival_of(bench, state, base))
-        whole = judged(bench, state, own, screening, replace(begun.state, quiet=False), len(candidates))
+        whole = judged(bench, state, own, screening, begun.state, len(candidates))
         ends[path], loud[path] = (begun.promise, whole.train), screening.evidence
-        least[path] = bench.gain(state, begun.state)  # with the weaker noise
+        weaker = bench.problem.point(begun.state.point.vector, base.point.logs, begun.state.point)
+        least[path] = bench.gain(state, replace(begun.state, point=weaker))
     assert all(promise <= max(train, 0.0) + 1.0 for promise, train in ends.values())
     assert ends[OFFSET][0] > 0.5 * ends[OFFSET][1]
     assert ends[LAG][0] > least[LAG] + 10.0
     assert max(v for p, v in loud.items() if p != OFFSET) > 10.0 * max(v for p, (v, _) in ends.items() if p != OFFSET)
+
+
+def test_what_is_begun_beside_weaker_process_noise_ends_with_the_noises_that_suit_it(offset_log):
+    bench, state, candidates = offset_log
+    base, *_ = bench.quieted(state)
+    (offset,) = (c for c in candidates if OFFSET in c.paths)
+    (screening,) = screen(bench.problem, base.point, state.paths, [offset], 10.0)
+    begun = begun_from(bench, state, base, screening, state)
+    assert begun.quiet
+    weaker = bench.problem.point(begun.state.point.vector, base.point.logs, begun.state.point)
+    assert (
+        begun.promise == bench.gain(state, begun.state) > bench.gain(state, replace(begun.state, point=weaker)) + 10.0
+    )
 
 
 def test_a_first_value_whose_run_is_lost_gives_way_to_the_others(offset_log):

@@ -241,7 +241,7 @@ def test_what_swings_in_one_velocity_alone_is_no_swell(pushed, monkeypatch):
     assert with_further_noises(bench, [state]) == (bench, [state])
     assert not taken
     added = (bench.problem.velocities, (), PERIOD)
-    assert further_noises._pruned(bench.problem, state.plant, state.paths, state.point, added) is None
+    assert further_noises._pruned(bench.problem, state.paths, state.point, added) is None
 
 
 @pytest.fixture(scope="module")

@@ -19,6 +19,34 @@ def quiet(fraction: float, text: str) -> None:
     pass
 
 
+@pytest.mark.parametrize("promised, taken", [(11.0, "brief"), (9.0, "weaker")])
+def test_what_passes_the_bar_beside_noises_that_suit_is_begun_there_whatever_is_louder(
+    offset_log, monkeypatch, promised, taken
+):
+    """The bar is 10; beside weaker noises, which do not suit, the evidence is 1000."""
+    bench, state, candidates = offset_log
+    only = [c for c in candidates if OFFSET in c.paths or LAG in c.paths]
+    weaker = replace(state, point=replace(state.point), quiet=True, suited=False)
+    brief = replace(state, point=replace(state.point), quiet=True)
+    of = {id(state.point): 5.0, id(weaker.point): 1000.0, id(brief.point): promised}
+
+    def screened(point, left):
+        loud = {False: of[id(point)], True: 900.0 if point is weaker.point else 1.0}
+        found = [Screening(c, np.zeros(1), loud[LAG in c.paths], 1.0, np.zeros(1)) for c in left]
+        return sorted(found, key=lambda s: -s.evidence)
+
+    monkeypatch.setattr(bench, "with_given", lambda state: ())
+    monkeypatch.setattr(bench, "quieted", lambda state: (weaker, brief))
+    monkeypatch.setattr(trials, "misjudged", lambda bench, base: 1.0)
+    monkeypatch.setattr(trials, "HERE", 1)
+    monkeypatch.setattr(trials, "Regression", regression_of(screened))
+    found, bases, _, leading = trials._screened(bench, state, only, 10.0)
+    (offset,) = (c for c in only if OFFSET in c.paths)
+    assert bases[offset] is {"brief": brief, "weaker": weaker}[taken]
+    assert found[0].candidate is offset  # before what is louder only beside noises that do not suit
+    assert leading == [offset, offset]
+
+
 def screened_of(path: str, estimate: float = 0.0, evidence: float = 0.0) -> Screening:
     return Screening(Candidate(path, (path,)), np.array([estimate]), evidence, 1.0, np.zeros(1))
 
@@ -35,7 +63,7 @@ def test_what_leads_nowhere_from_another_base_begins_where_the_state_is(offset_l
     def begun(bench, state, at, screening, rival):
         return trials.Begun(screening, at, there if at is base else screening.evidence)
 
-    monkeypatch.setattr(trials, "_screened", lambda *_: ([one], {offset: base}, {offset: one}))
+    monkeypatch.setattr(trials, "_screened", lambda *_: ([one], {offset: base}, {offset: one}, []))
     monkeypatch.setattr(trials, "_short_list", lambda screened, *_: screened)
     monkeypatch.setattr(trials, "begun_from", begun)
     monkeypatch.setattr(trials, "finalists_of", lambda begun, *_: fitted.extend(begun) or [])
@@ -76,7 +104,7 @@ def test_signatures_are_taken_with_coefficients_as_given_where_these_promise_mor
     monkeypatch.setattr(bench, "quieted", lambda state: ())
     monkeypatch.setattr(trials, "Regression", regression_of(screened, regained))
     monkeypatch.setattr(bench.problem, "point", lambda vector, logs, near: near)  # the noises are the same
-    _, bases, here = trials._screened(bench, state, only, 10.0)
+    _, bases, here, _ = trials._screened(bench, state, only, 10.0)
     assert list(here) == only
     assert here[only[0]].evidence == 5.0
     assert bases[only[0]] is {"given": given, "fitted": state}[taken]
@@ -94,7 +122,7 @@ def test_signatures_are_taken_with_weaker_accelerations_where_these_promise_more
     only = [c for c in candidates if OFFSET in c.paths]
     size = 2.0 * np.sqrt(bench.problem.count / len(bench.problem.rows) / state.point.errors.shape[1])
     loud = replace(state.point, errors=np.full_like(state.point.errors, size), scores=state.point.scores - 1e3)
-    quieted = replace(state, point=loud, quiet=True)
+    quieted = replace(state, point=loud, quiet=True, suited=False)
     of = {id(state.point): (5.0, 0.01), id(loud): (promised, 0.001)}
 
     def screened(point, left):
@@ -104,7 +132,7 @@ def test_signatures_are_taken_with_weaker_accelerations_where_these_promise_more
     monkeypatch.setattr(bench, "with_given", lambda state: ())
     monkeypatch.setattr(bench, "quieted", lambda state: (quieted,))
     monkeypatch.setattr(trials, "Regression", regression_of(screened))
-    (found,), bases, _ = trials._screened(bench, state, only, 10.0)
+    (found,), bases, *_ = trials._screened(bench, state, only, 10.0)
     assert bases[only[0]] is {"quieted": quieted, "fitted": state}[taken]
     assert found.evidence == pytest.approx(max(promised / 4.0, 5.0))
     assert found.detectable[0] == 0.01  # for the noises as fitted
@@ -146,7 +174,7 @@ def test_what_promises_most_from_the_state_as_it_is_is_listed_whatever_weak_acce
     offset_log, monkeypatch
 ):
     bench, state, candidates = offset_log
-    quieted = replace(state, point=replace(state.point, scores=state.point.scores - 1e3), quiet=True)
+    quieted = replace(state, point=replace(state.point, scores=state.point.scores - 1e3), quiet=True, suited=False)
 
     def screened(point, left):
         size = 30.0 if point is state.point else 1000.0
@@ -158,18 +186,17 @@ def test_what_promises_most_from_the_state_as_it_is_is_listed_whatever_weak_acce
     monkeypatch.setattr(bench, "with_given", lambda state: ())
     monkeypatch.setattr(bench, "quieted", lambda state: (quieted,))
     monkeypatch.setattr(trials, "Regression", regression_of(screened))
-    found, _, here = trials._screened(bench, state, candidates, 10.0)
-    here = list(here)[: trials.HERE]
-    assert here == candidates[: trials.HERE]
-    listed = [s.candidate for s in trials._short_list(found, here, 10.0, ())]
-    assert {*here, *candidates[-trials.SHORT_LIST :]} <= set(listed)
+    found, _, _, leading = trials._screened(bench, state, candidates, 10.0)
+    assert leading == candidates[: trials.HERE]
+    listed = [s.candidate for s in trials._short_list(found, leading, 10.0, ())]
+    assert {*leading, *candidates[-trials.SHORT_LIST :]} <= set(listed)
 
 
 def test_what_promises_more_than_finalists_reached_is_fitted_too():
     """Half of the bar is enough, since whole fits gain more."""
     begun = [
         trials.Begun(screened_of(OFFSET), state_of(QUICK, OFFSET), 60.0),
-        trials.Begun(screened_of(LAG), replace(state_of(QUICK, LAG), quiet=True), 40.0),
+        trials.Begun(screened_of(LAG), state_of(QUICK, LAG), 40.0, quiet=True),
         trials.Begun(screened_of("effects.yaw.moment"), state_of(QUICK), 7.0),
     ]
     refused = trials.Trial(begun[0].screening.candidate, None, 39.0, 0.0, begun[0].screening, UNSTABLE)
@@ -209,8 +236,5 @@ def test_finalists_are_the_three_best_and_whatever_is_near_the_best_or_plain():
     assert finalists([79.0, 81.0, 82.0, 83.0, 100.0, 10.0]) == [paths[k] for k in (4, 3, 2, 1)]
     assert finalists([1.0, 2.0, 3.0, 4.0, 100.0, 0.0], (paths[5],)) == [paths[k] for k in (4, 3, 2, 5)]
     assert finalists([1.9, 2.1, -5.0, 0.0, -np.inf, np.nan]) == [paths[1]]  # above the least promise for a fit
-    begun = [trials.Begun(screened_of(OFFSET), replace(state_of(QUICK, OFFSET), quiet=True), -5.0)]
-    assert trials.finalists_of(begun, (), 2.0) == begun  # its fit, with other noises, gains more
-    loud = [replace(begun[0], promise=-90.0, beside=b) for b in (400.0, 300.0, 200.0, 100.0)]
-    likely = [replace(begun[0], promise=p, beside=1.0) for p in (30.0, 29.0, 28.0)]
-    assert trials.finalists_of([*loud, *likely], (), 2.0) == [*likely, *loud[:3]]
+    begun = [trials.Begun(screened_of(OFFSET), state_of(QUICK, OFFSET), -5.0, quiet=True)]
+    assert trials.finalists_of(begun, (), 2.0) == begun  # its whole fit may gain more

@@ -149,28 +149,6 @@ def test_one_that_gains_far_less_after_a_few_steps_is_not_fitted_to_the_end(trie
     assert sum(t.state is not None for t in tried.values()) < 7
 
 
-def test_finalists_from_a_quieted_state_get_the_noises_that_suit_them(offset_log, monkeypatch):
-    bench, state, candidates = offset_log
-    begun, nears = {}, {}
-
-    def begin(*args):
-        begun[args[3].candidate] = own(*args)
-        return begun[args[3].candidate]
-
-    def kept(bench, state, candidate, screening, near, count):
-        nears[candidate] = near
-        return trials.Trial(candidate, near, 1.0, 1.0, screening, "")
-
-    own = trials.begun_from
-    monkeypatch.setattr(trials, "begun_from", begin)
-    monkeypatch.setattr(trials, "judged", kept)
-    trials_of(bench, state, candidates, len(candidates), quiet, ())
-    renewed = [c for c in nears if begun[c].state.quiet]
-    assert renewed
-    for candidate in renewed:
-        assert bench.gain(begun[candidate].state, nears[candidate]) > 10.0
-
-
 def test_one_that_was_fitted_and_gains_little_is_not_significant(tried):
     little = [t for t in tried.values() if t.objection == "not significant"]
     assert little

@@ -252,33 +252,29 @@ def test_what_was_fitted_is_taken_over_into_shorter_steps(torpedoes, monkeypatch
     assert abs(finer.gain(taken, finer.fit(finer.plant, ()))) < 0.05 * TIE  # too little to change any decision
 
 
-@pytest.mark.parametrize(
-    "there, lasts, swells, asked",
-    [
-        ((1, 1), (0, 1), (0, 0), [None, (0, 1)]),
-        ((1, 1), (0, 0), (0, 0), [None]),
-        ((0, 1), (0, 1), (0, 0), [None]),
-        ((1, 1), (1, 1), (0, 0), [None]),
-        ((1, 0), (0, 0), (0, 1), [None, (0, 1)]),
-    ],
-)
-def test_what_lasts_and_a_swell_are_taken_for_weaker_by_themselves_beside_what_is_brief(there, lasts, swells, asked):
-    found = []
+@pytest.mark.parametrize("lasts, swells, kinds", [(1, 0, "wb"), (0, 0, "w"), (0, 1, "ws"), (1, 1, "wbs")])
+def test_all_accelerations_are_taken_for_weaker_lasting_ones_for_brief_and_a_swell_for_weaker(lasts, swells, kinds):
+    asked = []
 
     def quieted(point, which=None):
-        found.append(None if which is None else tuple(which.astype(int)))
+        asked.append("w" if which is None else "s")
         return point
 
-    masks = [np.array(m, dtype=bool) for m in (there, lasts, swells)]
+    def from_brief(point, paths):
+        assert paths == ("hull.n_r",)
+        return replace(point, scores=np.array([7.0])) if lasts else None
+
     problem = SimpleNamespace(
-        pushed=("u", "w"),
-        pushes=lambda point: masks[0],
-        lasting=lambda point: masks[1],
-        swelling=lambda point: masks[2],
+        pushed=("u",),
+        swelling=lambda point: np.array([bool(swells)]),
         quieted=quieted,
+        from_brief=from_brief,
+        plant_at=lambda point, paths: replace_at(PLANT, "hull.n_r", -0.09),
     )
     bench = SimpleNamespace(problem=problem, once=lambda state, question, work: work())
-    bases = Workbench.quieted(bench, state_of(PLANT))
-    assert found == asked
-    assert len(bases) == len(asked)
+    bases = Workbench.quieted(bench, state_of(PLANT, "hull.n_r"))
+    assert asked == [kind for kind in kinds if kind != "b"]
+    assert [base.suited for base in bases] == [kind == "b" for kind in kinds]
     assert all(base.quiet for base in bases)
+    for base in bases:  # only what has brief accelerations has parameters of its own
+        assert (value_at(base.plant, "hull.n_r") == -0.09) == base.suited == (base.point.scores[0] == 7.0)
