@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from auv_gym.channels import Channel, channel
+from auv_gym.param import listed
 from auv_gym.records.attitude import ANGLES, QUATERNION, angles, from_angles, interpolated, turns_far
 from auv_gym.records.record import RARER
 from auv_gym.records.time_axis import SAME, gap_limit
@@ -108,6 +109,7 @@ def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
     for number, stream in enumerate(ordered):
         apart = [known for known in stream.values if number != at or known not in values]
         values |= _brought(stream, apart, base, spacing)
+        notes += _on_ended(stream, apart, base)
         rarer = _rarer(stream, apart, spacing)
         read = {known: _read_at(stream, known, base, spacing) for known in rarer}
         unread |= {known: ~rows for known, rows in read.items() if rows is not None}
@@ -376,7 +378,8 @@ def _in_part(
     time, values, slack = stream.time[rows], column[rows], SAME * spacing
     before = np.searchsorted(time, at + slack, side="right") - 1
     if of is not None and of.held:
-        return np.where((before >= 0) & (at <= time[-1] + _lasts(time, values)), values[np.maximum(before, 0)], np.nan)
+        until = time[-1] + (_lasts(time, values) if of.kind == "input" else np.inf)
+        return np.where((before >= 0) & (at <= until), values[np.maximum(before, 0)], np.nan)
     after = np.minimum(np.searchsorted(time, at), time.size - 1)
     if of is None:
         result = interpolated(at, time, values)
@@ -395,12 +398,28 @@ def _in_part(
 def _lasts(time: np.ndarray, values: np.ndarray) -> float:
     """How long the last of some values, (n,), sent at certain times, holds, s: for ever, unless it would be sent again.
 
-    A command that is mostly sent without a change is sent again and again.  When that ends, its sender has stopped, and
-    thrusters and servos stop, too, as most do without a command.  Twice the longest pause is still an ordinary one.
+    values: of an actuator's command.  If it is mostly sent without a change, it is sent again and again.  When that
+    ends, its sender has stopped, and so have most thrusters and servos, which stop without a command.  Twice the
+    longest pause is still an ordinary one.
     """
     if time.size < _REPEATED or np.mean(np.diff(values) == 0.0) < 0.5:
         return np.inf
     return 2.0 * float(np.diff(time).max())
+
+
+def _on_ended(stream: Stream, names: Iterable[str], base: Stream) -> list[str]:
+    """A line on the actuators' commands that are no longer sent when the log ends; none if there are none."""
+    ended: dict[str, float] = {}
+    for name in names if base.time.size else ():
+        known = np.isfinite(stream.values[name]) & (stream.part == base.part[-1])
+        if channel(name).kind == "input" and known.any():
+            time, before = stream.time[known], base.time[-1] - stream.time[known][-1]
+            ended |= {name: before} if before > _lasts(time, stream.values[name][known]) else {}
+    if not ended:
+        return []
+    more = f" and {len(ended) - 2} others" if len(ended) > 3 else ""
+    names = listed(list(ended)) if not more else f"{', '.join(list(ended)[:2])}{more}"
+    return [f"{names}: last sent {min(ended.values()):.3g} s before the log ends, and unknown after that."]
 
 
 def _segments(base: Stream) -> np.ndarray | None:

@@ -12,6 +12,7 @@ import numpy as np
 from auv_gym.channels import channel
 from auv_gym.model import Diverged
 from auv_gym.plant import Plant, load_vehicle
+from auv_gym.plant.record_check import needs_of
 from auv_gym.records.density import read_profiles, with_density
 from auv_gym.records.reading import read_record
 from auv_gym.records.record import Record
@@ -50,8 +51,8 @@ class Error:
 
 def plainly(log: Log, places: Places) -> dict[str, Any]:
     """The diagnosis of a log, judged by free runs in unseen parts; raises ValueError if it cannot be made."""
-    plant = load_vehicle(log.vehicle)  # registers its channels, so that rows before their first value are left out
-    found = diagnose(log.record(places.data, log.files), plant, source=log.name)
+    plant = load_vehicle(log.vehicle)
+    found = diagnose(log.record(places.data, log.files, needs_of(plant)), plant, source=log.name)
     return kept(found, fits={f"{horizon:g}": rate_fits(found, horizon) for horizon in log.horizons})
 
 

@@ -354,7 +354,16 @@ def test_nothing_to_merge():
 )
 def test_a_command_that_is_sent_again_and_again_is_unknown_once_that_has_ended(sent, changes, known_until):
     time = np.arange(300) / 10.0
-    values = 1500.0 + 80.0 * (np.arange(sent.size) % 2 if changes else np.arange(sent.size) > 5)
-    made = merged([stream(time, heading_rad=0.1 * time), stream(sent, "commands", t1_us=values)])
-    known = np.isfinite(made.values["t1_us"])
+    values = 0.1 * (np.arange(sent.size) % 2 if changes else np.arange(sent.size) > 5)
+    made = merged([stream(time, heading_rad=0.1 * time), stream(sent, "commands", rudder_rad=values)])
+    known = np.isfinite(made.values["rudder_rad"])
     assert np.array_equal(known, time <= known_until + 1e-6)
+    ended = [f"rudder_rad: last sent {time[-1] - sent[-1]:.3g} s before the log ends, and unknown after that."]
+    assert [line for line in made.notes if "sent" in line] == ended * bool(np.isfinite(known_until))
+
+
+def test_a_set_point_that_is_no_longer_sent_holds_to_the_end():
+    time = np.arange(300) / 10.0
+    made = merged([stream(time, heading_rad=0.1 * time), stream(time[:50], "commands", heading_cmd_rad=np.ones(50))])
+    assert np.isfinite(made.values["heading_cmd_rad"]).all()
+    assert not any("sent" in line for line in made.notes)
