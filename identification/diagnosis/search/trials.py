@@ -255,10 +255,12 @@ def _in_place(bench: Workbench, state: State, one: Begun, first: Begun, reached:
 def finalists_of(begun: Sequence[Begun], plain: Collection[str], least: float) -> list[Begun]:
     """The begun candidates to fit to the end: the most promising with at least `least`, and all of `plain`.
 
-    Those begun beside less process noise may promise less: their whole fit gains more.
+    The whole fit of one begun beside less process noise gains more than it promises, unless that is hopeless.
     """
     worth = (
-        b for b in begun if b.promise >= least or b.quiet or not set(plain).isdisjoint(b.screening.candidate.paths)
+        b
+        for b in begun
+        if b.promise >= (-HOPELESS if b.quiet else least) or not set(plain).isdisjoint(b.screening.candidate.paths)
     )
     finite = sorted((b for b in worth if np.isfinite(b.promise)), key=lambda b: -b.promise)
     best = finite[0].promise if finite else 0.0

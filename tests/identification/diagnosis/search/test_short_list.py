@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from identification.deciding import HOPELESS
 from identification.diagnosis.search import trials
 from identification.diagnosis.search.candidates import Candidate, Screening
 from identification.diagnosis.search.trials import UNSTABLE, trials_of
@@ -238,3 +239,4 @@ def test_finalists_are_the_three_best_and_whatever_is_near_the_best_or_plain():
     assert finalists([1.9, 2.1, -5.0, 0.0, -np.inf, np.nan]) == [paths[1]]  # above the least promise for a fit
     begun = [trials.Begun(screened_of(OFFSET), state_of(QUICK, OFFSET), -5.0, quiet=True)]
     assert trials.finalists_of(begun, (), 2.0) == begun  # its whole fit may gain more
+    assert trials.finalists_of([replace(begun[0], promise=-HOPELESS - 1.0)], (), 2.0) == []
