@@ -68,6 +68,21 @@ class Trial:
         return self.train - self.price
 
 
+@dataclass(frozen=True, eq=False)
+class Screened:
+    """The screenings of candidates beside a state and its variants.
+
+    best: the best one of each, most promising first.  bases: the state or the variant of which it is.  here: those
+    beside the state itself.  leading: the candidates that lead beside noises that suit: those of the state, and brief
+    accelerations instead of lasting ones.
+    """
+
+    best: list[Screening]
+    bases: dict[Candidate, State]
+    here: dict[Candidate, Screening]
+    leading: list[Candidate]
+
+
 def trials_of(
     bench: Workbench,
     state: State,
@@ -81,16 +96,16 @@ def trials_of(
     count: number of all candidates.  plain: paths that are fitted to the end however little they promise.
     """
     progress(0.0, "screening")
-    screened, bases, first, leading = _screened(bench, state, left, threshold(count))
-    listed = _short_list(screened, leading, threshold(count), plain)
+    screened = _screened(bench, state, left, threshold(count))
+    listed = _short_list(screened.best, screened.leading, threshold(count), plain)
 
     progress(0.2, "trying what is promising")
 
-    wanted = list(dict.fromkeys(bases[s.candidate] for s in listed))
+    wanted = list(dict.fromkeys(screened.bases[s.candidate] for s in listed))
     rivals = dict(zip(wanted, side_by_side(partial(rival_of, bench, state), wanted), strict=True))
 
     def begin(screening: Screening) -> Begun:
-        base, here = bases[screening.candidate], first[screening.candidate]
+        base, here = screened.bases[screening.candidate], screened.here[screening.candidate]
         begun = begun_from(bench, state, base, screening, rivals[base])
         if base is state or begun.promise >= here.evidence or here.evidence < LEAST_TRACE * threshold(count):
             return begun
@@ -107,7 +122,7 @@ def trials_of(
         trials += all_finished(bench, state, late, count)
     done, chosen = {t.candidate for t in trials}, {b.screening.candidate for b in (*finalists, *late)}
     promised = {b.screening.candidate: b.promise for b in begun}
-    for screening in screened:
+    for screening in screened.best:
         if screening.candidate not in done:
             reached = promised.get(screening.candidate, screening.evidence)
             reason = NO_TRACE if reached < LEAST_TRACE * threshold(count) else FAR_LESS
@@ -124,17 +139,13 @@ def trials_of(
     return sorted(trials, key=lambda t: -t.total)
 
 
-def _screened(
-    bench: Workbench, state: State, left: Sequence[Candidate], bar: float
-) -> tuple[list[Screening], dict[Candidate, State], dict[Candidate, Screening], list[Candidate]]:
-    """The best screening of each candidate, most promising first, and its base state; the screenings in `state`; and
-    the candidates that lead beside noises that suit: in `state`, and with brief accelerations instead of lasting ones.
+def _screened(bench: Workbench, state: State, left: Sequence[Candidate], bar: float) -> Screened:
+    """The screenings of candidates beside a state and two kinds of variants.
 
-    The base states are the given one and two kinds of variants.  Variants with the coefficients as given: coefficients
-    that were fitted without the missing effect may be so wrong that its signature is meaningless there.  Variants with
-    less process noise: the noise may have grown to absorb the effect, and then leaves little of it to see.  Beside
-    brief accelerations of suitable strength, evidence is what it seems: what passes the bar there comes before what is
-    louder beside accelerations that are merely weakened.
+    Variants with the coefficients as given: coefficients that were fitted without the missing effect may be so wrong
+    that its signature is meaningless there.  Variants with less process noise: the noise may have grown to absorb the
+    effect, and then leaves little of it to see.  Beside brief accelerations of suitable strength, evidence is not
+    exaggerated: what passes the bar there comes before what is louder beside accelerations that are merely weakened.
     """
     problem = bench.problem
     found: dict[Candidate, Screening] = {}
@@ -164,7 +175,8 @@ def _screened(
             elif rank(s, base) > rank(found[s.candidate], bases[s.candidate]):
                 # the detectable size is that for the noise as fitted
                 found[s.candidate], bases[s.candidate] = replace(s, detectable=found[s.candidate].detectable), base
-    return sorted(found.values(), key=lambda s: rank(s, bases[s.candidate]), reverse=True), bases, here, leading
+    best = sorted(found.values(), key=lambda s: rank(s, bases[s.candidate]), reverse=True)
+    return Screened(best, bases, here, leading)
 
 
 def _behind(bench: Workbench, state: State, base: State, regression: Regression) -> float:

@@ -255,10 +255,10 @@ class Workbench:
         def found() -> tuple[State, ...]:
             swell = problem.swelling(state.point)
             weaker = [problem.quieted(state.point, which) for which in [None, *[swell] * bool(swell.any())]]
-            there = [State(state.plant, state.paths, p, True, False) for p in weaker if p is not None]
+            there = [State(state.plant, state.paths, p, quiet=True, suited=False) for p in weaker if p is not None]
             brief = problem.from_brief(state.point, state.paths)
             if brief is not None:
-                there.insert(1, State(problem.plant_at(brief, state.paths), state.paths, brief, True))
+                there.insert(1, State(problem.plant_at(brief, state.paths), state.paths, brief, quiet=True))
             return tuple(there)
 
         return self.once(state, "quieted", found)

@@ -41,11 +41,11 @@ def test_what_passes_the_bar_beside_noises_that_suit_is_begun_there_whatever_is_
     monkeypatch.setattr(trials, "misjudged", lambda bench, base: 1.0)
     monkeypatch.setattr(trials, "HERE", 1)
     monkeypatch.setattr(trials, "Regression", regression_of(screened))
-    found, bases, _, leading = trials._screened(bench, state, only, 10.0)
+    made = trials._screened(bench, state, only, 10.0)
     (offset,) = (c for c in only if OFFSET in c.paths)
-    assert bases[offset] is {"brief": brief, "weaker": weaker}[taken]
-    assert found[0].candidate is offset  # before what is louder only beside noises that do not suit
-    assert leading == [offset, offset]
+    assert made.bases[offset] is {"brief": brief, "weaker": weaker}[taken]
+    assert made.best[0].candidate is offset  # before what is louder only beside noises that do not suit
+    assert made.leading == [offset, offset]
 
 
 def screened_of(path: str, estimate: float = 0.0, evidence: float = 0.0) -> Screening:
@@ -64,7 +64,7 @@ def test_what_leads_nowhere_from_another_base_begins_where_the_state_is(offset_l
     def begun(bench, state, at, screening, rival):
         return trials.Begun(screening, at, there if at is base else screening.evidence)
 
-    monkeypatch.setattr(trials, "_screened", lambda *_: ([one], {offset: base}, {offset: one}, []))
+    monkeypatch.setattr(trials, "_screened", lambda *_: trials.Screened([one], {offset: base}, {offset: one}, []))
     monkeypatch.setattr(trials, "_short_list", lambda screened, *_: screened)
     monkeypatch.setattr(trials, "begun_from", begun)
     monkeypatch.setattr(trials, "finalists_of", lambda begun, *_: fitted.extend(begun) or [])
@@ -105,10 +105,10 @@ def test_signatures_are_taken_with_coefficients_as_given_where_these_promise_mor
     monkeypatch.setattr(bench, "quieted", lambda state: ())
     monkeypatch.setattr(trials, "Regression", regression_of(screened, regained))
     monkeypatch.setattr(bench.problem, "point", lambda vector, logs, near: near)  # the noises are the same
-    _, bases, here, _ = trials._screened(bench, state, only, 10.0)
-    assert list(here) == only
-    assert here[only[0]].evidence == 5.0
-    assert bases[only[0]] is {"given": given, "fitted": state}[taken]
+    made = trials._screened(bench, state, only, 10.0)
+    assert list(made.here) == only
+    assert made.here[only[0]].evidence == 5.0
+    assert made.bases[only[0]] is {"given": given, "fitted": state}[taken]
 
 
 @pytest.mark.parametrize("promised, taken", [(19.0, "fitted"), (21.0, "quieted")])
@@ -133,8 +133,9 @@ def test_signatures_are_taken_with_weaker_accelerations_where_these_promise_more
     monkeypatch.setattr(bench, "with_given", lambda state: ())
     monkeypatch.setattr(bench, "quieted", lambda state: (quieted,))
     monkeypatch.setattr(trials, "Regression", regression_of(screened))
-    (found,), bases, *_ = trials._screened(bench, state, only, 10.0)
-    assert bases[only[0]] is {"quieted": quieted, "fitted": state}[taken]
+    made = trials._screened(bench, state, only, 10.0)
+    (found,) = made.best
+    assert made.bases[only[0]] is {"quieted": quieted, "fitted": state}[taken]
     assert found.evidence == pytest.approx(max(promised / 4.0, 5.0))
     assert found.detectable[0] == 0.01  # for the noises as fitted
 
@@ -187,10 +188,10 @@ def test_what_promises_most_from_the_state_as_it_is_is_listed_whatever_weak_acce
     monkeypatch.setattr(bench, "with_given", lambda state: ())
     monkeypatch.setattr(bench, "quieted", lambda state: (quieted,))
     monkeypatch.setattr(trials, "Regression", regression_of(screened))
-    found, _, _, leading = trials._screened(bench, state, candidates, 10.0)
-    assert leading == candidates[: trials.HERE]
-    listed = [s.candidate for s in trials._short_list(found, leading, 10.0, ())]
-    assert {*leading, *candidates[-trials.SHORT_LIST :]} <= set(listed)
+    made = trials._screened(bench, state, candidates, 10.0)
+    assert made.leading == candidates[: trials.HERE]
+    listed = [s.candidate for s in trials._short_list(made.best, made.leading, 10.0, ())]
+    assert {*made.leading, *candidates[-trials.SHORT_LIST :]} <= set(listed)
 
 
 def test_what_promises_more_than_finalists_reached_is_fitted_too():
