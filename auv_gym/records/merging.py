@@ -417,9 +417,8 @@ def _on_ended(stream: Stream, names: Iterable[str], base: Stream) -> list[str]:
             ended |= {name: before} if before > _lasts(time, stream.values[name][known]) else {}
     if not ended:
         return []
-    more = f" and {len(ended) - 2} others" if len(ended) > 3 else ""
-    names = listed(list(ended)) if not more else f"{', '.join(list(ended)[:2])}{more}"
-    return [f"{names}: last sent {min(ended.values()):.3g} s before the log ends, and unknown after that."]
+    shown = [*ended] if len(ended) < 4 else [*[*ended][:2], f"{len(ended) - 2} others"]
+    return [f"{listed(shown)}: last sent {min(ended.values()):.3g} s before the log ends, and unknown after that."]
 
 
 def _segments(base: Stream) -> np.ndarray | None:
