@@ -267,17 +267,19 @@ def _in_place(bench: Workbench, state: State, one: Begun, first: Begun, reached:
 def finalists_of(begun: Sequence[Begun], plain: Collection[str], least: float) -> list[Begun]:
     """The begun candidates to fit to the end: the most promising with at least `least`, and all of `plain`.
 
-    The whole fit of one begun beside less process noise gains more than it promises, unless that is hopeless.
+    Those begun beside less process noise are a group of their own: whole fits gain more than they promise, unless that
+    is hopeless.
     """
-    worth = (
-        b
-        for b in begun
-        if b.promise >= (-HOPELESS if b.quiet else least) or not set(plain).isdisjoint(b.screening.candidate.paths)
-    )
-    finite = sorted((b for b in worth if np.isfinite(b.promise)), key=lambda b: -b.promise)
-    best = finite[0].promise if finite else 0.0
-    known = [not set(plain).isdisjoint(b.screening.candidate.paths) for b in finite]
-    return [b for i, b in enumerate(finite) if i < FINALISTS or b.promise >= CLOSER * best or known[i]]
+
+    def leading(quiet: bool) -> list[Begun]:
+        enough = -HOPELESS if quiet else least
+        own = [b for b in begun if b.quiet == quiet and np.isfinite(b.promise)]
+        best = max((b.promise for b in own), default=0.0)
+        known = [b for b in own if not set(plain).isdisjoint(b.screening.candidate.paths)]
+        worth = sorted((b for b in own if b.promise >= enough or b in known), key=lambda b: -b.promise)
+        return [b for i, b in enumerate(worth) if i < FINALISTS or b.promise >= CLOSER * best or b in known]
+
+    return sorted((*leading(False), *leading(True)), key=lambda b: -b.promise)
 
 
 def _overtaken(begun: Sequence[Begun], trials: Sequence[Trial], bar: float) -> list[Begun]:

@@ -241,3 +241,5 @@ def test_finalists_are_the_three_best_and_whatever_is_near_the_best_or_plain():
     begun = [trials.Begun(screened_of(OFFSET), state_of(QUICK, OFFSET), -5.0, quiet=True)]
     assert trials.finalists_of(begun, (), 2.0) == begun  # its whole fit may gain more
     assert trials.finalists_of([replace(begun[0], promise=-HOPELESS - 1.0)], (), 2.0) == []
+    loud = [replace(begun[0], promise=p, quiet=False) for p in (90.0, 80.0, 75.0, 40.0)]
+    assert trials.finalists_of([*loud, *begun], (), 2.0) == [*loud[:3], *begun]  # these are not compared with others
