@@ -109,7 +109,7 @@ def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
     for number, stream in enumerate(ordered):
         apart = [known for known in stream.values if number != at or known not in values]
         values |= _brought(stream, apart, base, spacing)
-        notes += _on_ended(stream, apart, base)
+        notes += _on_ended(stream, apart, base, values)
         rarer = _rarer(stream, apart, spacing)
         read = {known: _read_at(stream, known, base, spacing) for known in rarer}
         unread |= {known: ~rows for known, rows in read.items() if rows is not None}
@@ -407,14 +407,13 @@ def _lasts(time: np.ndarray, values: np.ndarray) -> float:
     return 2.0 * float(np.diff(time).max())
 
 
-def _on_ended(stream: Stream, names: Iterable[str], base: Stream) -> list[str]:
-    """A line on the actuators' commands that are no longer sent when the log ends; none if there are none."""
+def _on_ended(stream: Stream, names: Iterable[str], base: Stream, values: Mapping[str, np.ndarray]) -> list[str]:
+    """A line on the actuators' commands that are no longer sent, and so unknown, when the log ends; else none."""
     ended: dict[str, float] = {}
     for name in names if base.time.size else ():
-        known = np.isfinite(stream.values[name]) & (stream.part == base.part[-1])
-        if channel(name).kind == "input" and known.any():
-            time, before = stream.time[known], base.time[-1] - stream.time[known][-1]
-            ended |= {name: before} if before > _lasts(time, stream.values[name][known]) else {}
+        sent = stream.time[np.isfinite(stream.values[name]) & (stream.part == base.part[-1])]
+        if channel(name).kind == "input" and sent.size and np.isnan(values[name][-1]):
+            ended |= {name: base.time[-1] - sent[-1]} if sent[-1] < base.time[-1] else {}
     if not ended:
         return []
     shown = [*ended] if len(ended) < 4 else [*[*ended][:2], f"{len(ended) - 2} others"]
