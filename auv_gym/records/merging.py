@@ -412,8 +412,9 @@ def _on_ended(stream: Stream, names: Iterable[str], base: Stream, values: Mappin
     ended: dict[str, float] = {}
     for name in names if base.time.size else ():
         sent = stream.time[np.isfinite(stream.values[name]) & (stream.part == base.part[-1])]
-        if channel(name).kind == "input" and sent.size and np.isnan(values[name][-1]):
-            ended |= {name: base.time[-1] - sent[-1]} if sent[-1] < base.time[-1] else {}
+        unknown = channel(name).kind == "input" and np.isnan(values[name][-1])
+        if unknown and sent.size and sent[-1] < base.time[-1]:
+            ended[name] = base.time[-1] - sent[-1]
     if not ended:
         return []
     shown = [*ended] if len(ended) < 4 else [*[*ended][:2], f"{len(ended) - 2} others"]

@@ -154,14 +154,14 @@ def _screened(bench: Workbench, state: State, left: Sequence[Candidate], bar: fl
     leading: list[Candidate] = []
 
     def rank(s: Screening, base: State) -> tuple[bool, float]:
-        return base.quiet and base.suited and s.evidence >= bar, s.evidence
+        return base.brief and s.evidence >= bar, s.evidence
 
     for base in (state, *bench.with_given(state), *bench.quieted(state)):
         regression = Regression(problem, base.point, state.paths, bar)
         less, times = _behind(bench, state, base, regression), misjudged(bench, base)
         promising = regression.screened(left)
         here = here or {s.candidate: s for s in promising}
-        if base is state or (base.quiet and base.suited):
+        if base is state or base.brief:
             leading += [s.candidate for s in promising[:HERE]]
         for s in promising:
             evidence, parameters = s.together

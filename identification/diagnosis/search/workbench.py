@@ -47,6 +47,11 @@ class State:
     suited: bool = True
 
     @property
+    def brief(self) -> bool:
+        """Whether lasting accelerations were made brief, and all noises suit that."""
+        return self.quiet and self.suited
+
+    @property
     def finite(self) -> bool:
         """Whether the filter's likelihood is finite in all rows."""
         return bool(np.isfinite(self.point.scores).all())
