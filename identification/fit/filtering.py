@@ -16,10 +16,11 @@ _PASSES = 4  # of the filter, each from the starts fitted by the one before
 _LOOSE = 0.3  # initial deviations of the filter, over those of the likeliest start of a stretch
 _LEAST_LEFT = 1e-10  # least posterior share of a start's variance: less is rounding error
 _TOO_FAR = 1e100  # information on a start, relative to its prior, whose square would overflow
+FAR = 1.0  # loss of log-likelihood for each row at which a vehicle counts as far from its linearisation
 _OTHER_NOISE = 0.7  # change of a noise's logarithm beyond which the precision of the starts is computed anew
 
 
-def _other_precision(near: Point, logs: np.ndarray) -> bool:
+def other_precision(near: Point, logs: np.ndarray) -> bool:
     """Whether noises are so far from a point's that the precision of the starts differs."""
     return bool(np.abs(logs - near.logs).max(initial=0.0) > _OTHER_NOISE)
 
@@ -66,7 +67,8 @@ class Filter(Sensitivities):
     def point(self, vector: np.ndarray, logs: np.ndarray, near: Point | None = None) -> Point:
         """The filter with these parameters and noises, linearised along its own path.
 
-        near: a point whose starts are the first guess.
+        near: a point whose starts are the first guess.  A vehicle that is less likely, and has left the path of its own
+        filter, is given up: an unstable one with hardly any process noise does so from any start nearby.
         """
         if near is None:
             first = self._system(vector, self.first_path, self.starts, self.widest)
@@ -74,7 +76,7 @@ class Filter(Sensitivities):
             starts, roots = (found.starts, found.roots) if found.system else (self.starts, _LOOSE * self.widest)
         else:
             starts, roots = near.starts, near.roots
-        renewed = near is None or _other_precision(near, logs)
+        renewed = near is None or other_precision(near, logs)
         responses = near.system.responses if near is not None and near.system is not None else None
         best, highest = None, -np.inf
         for _ in range(_PASSES):
@@ -84,6 +86,8 @@ class Filter(Sensitivities):
             total = self.total(found)
             best, highest = (found, total) if total > highest else (best, highest)
             if gained < _SAME:  # the path belongs to these starts
+                break
+            if near is not None and total < self.total(near) and not self._keeps_to(found, system):
                 break
             starts, roots, renewed = found.starts, found.roots, False
         return best or self._nowhere(vector, logs)
@@ -122,6 +126,11 @@ class Filter(Sensitivities):
         assert system.path is not None
         system = replace(there.system, origin=self._origin(system.path, there.starts))
         return replace(there, system=system), self.total(there) - self.total(found)
+
+    def _keeps_to(self, here: Point, system: System) -> bool:
+        """Whether the filter of a vehicle is about as likely as the linearised filter, and so stays near its path."""
+        linear = float(run_filter(system, *self._numbers(here.logs)).scores.sum())
+        return self.total(here) > linear - FAR * len(self.rows)
 
     def _nowhere(self, vector: np.ndarray, logs: np.ndarray) -> Point:
         """The point of a filter that diverges, with a likelihood of zero."""

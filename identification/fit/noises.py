@@ -23,7 +23,6 @@ _FIRST_GUESSES, _FAINT = 10.0 ** np.arange(-5.0, 1.5), 1e-3
 _DOUBTFUL = 10.0 ** np.arange(-3.0, 0.5, 0.5)  # strengths tried for an acceleration that is not in a fit
 _FAR_LESS = 4.0  # of the log-likelihood: chi-square of one degree of freedom exceeds twice this in 0.5 % of cases
 _NOISE_GAIN, _NOISE_REACH = 0.005, 2.0  # least gain of a step, in log-likelihood; its longest length, in logs
-FAR = 1.0  # loss of log-likelihood for each row at which a vehicle counts as far from its linearisation
 _LEAST_NOISE = 0.03  # least noise of a channel, over that of its second differences: simulated readings may have none
 _NOISE_RANGE = np.log(1e4)
 _FADING = 2.0  # gain of log-likelihood for each e-fold less of an acceleration at which it may be too strong
@@ -92,11 +91,6 @@ class Noises(Filter):
     def keeps_to_readings(self, here: Point) -> bool:
         """Whether a vehicle with the gains of a point is as likely as the filter linearised along the readings."""
         return self._keeps_to(here, self._first_system)
-
-    def _keeps_to(self, here: Point, system: System) -> bool:
-        """Whether the filter of a vehicle is about as likely as the linearised filter, and so stays near its path."""
-        linear = float(run_filter(system, *self._numbers(here.logs)).scores.sum())
-        return self.total(here) > linear - FAR * len(self.rows)
 
     @cached_property
     def _first_system(self) -> System:

@@ -18,8 +18,9 @@ import numpy as np
 
 from auv_gym.plant import Plant
 from auv_gym.threads import side_by_side
+from identification.fit.filtering import FAR, other_precision
 from identification.fit.followed import Point
-from identification.fit.noises import FAR, Noise, Noises
+from identification.fit.noises import Noise, Noises
 from identification.fit.online import FilterPlan
 from identification.fit.sensitivities import LEAST_GAIN
 
@@ -208,24 +209,29 @@ class PredictionErrors(Noises):
         return there
 
     def _further(self, here: Point, there: Point, paths: Sequence[str], gain: float) -> Point:
-        """The point at the end of a step, which is doubled as long as the objective rises by more than `gain`."""
-        way, length = there.vector - here.vector, 1.0
+        """The point at the end of a step, which is doubled as long as the objective rises by more than `gain`.
+
+        The gains are held along the way, and recomputed at its end.
+        """
+        way, moved, best, length = there.vector - here.vector, there.starts - here.starts, there, 1.0
         for _ in range(_DOUBLINGS):
             length *= 2.0
             beyond = self.bounded(here.vector + length * way, paths)
-            point = self.point(beyond, there.logs, there)
-            if not self.objective(point, paths) > self.objective(there, paths) + gain:
+            point = self.descended(self.with_gains(there, beyond, here.starts + length * moved), ())
+            if not self.objective(point, paths) > self.objective(best, paths) + gain:
                 break
-            there = point
-        return there
+            best = point
+        if best is there:
+            return there
+        fresh = self.point(best.vector, best.logs, best)
+        return fresh if self.objective(fresh, paths) > self.objective(there, paths) else there
 
     def _quieter(self, here: Point, paths: Sequence[str]) -> Point:
         """The point that a fit reaches from much weaker accelerations, or from brief ones, if it is likelier.
 
         If an effect was missing, accelerations have grown to absorb it, and would leave little of it to find.
         """
-        for reach in (self._from_weaker, self.from_brief):
-            there = reach(here, paths)
+        for there in side_by_side(lambda reach: reach(here, paths), (self._from_weaker, self.from_brief)):
             if there is not None and self.objective(there, paths) > self.objective(here, paths):
                 return there
         return here
@@ -262,7 +268,10 @@ class PredictionErrors(Noises):
         logs, known = self.better_noise(about, steps, known)
         if np.array_equal(logs, here.logs):
             return here, known
-        there = self.point(here.vector, logs, about)
+        if about.system is None or other_precision(about, logs):
+            there = self.point(here.vector, logs, about)
+        else:  # hardly moves the path about which the vehicle is linearised
+            there = self.descended(self.with_noise(about, logs), ())
         return (there if self.objective(there, paths) > self.objective(here, paths) else here), known
 
     def _about_itself(self, here: Point) -> Point:
