@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Self
@@ -48,6 +48,21 @@ class Noise:
         if misread:
             return self.lasting.get(period, {})
         return self.swell.get(period, {}) if period else self.process
+
+
+def _likelihoods(likely: Callable[[np.ndarray], float], tried: Sequence[np.ndarray]) -> dict[int, float]:
+    """The likelihoods of the first of some noises, and of those others that were tried to find the peak in their row.
+
+    Three in the middle are tried first, and then the ones beside the best so far.
+    """
+    found, middle = dict[int, float](), 1 + (len(tried) - 1) // 2
+    wanted = [k for k in (0, middle - 1, middle, middle + 1) if k < len(tried)]
+    while wanted := sorted(set(wanted) - found.keys()):
+        reached = side_by_side(lambda k: likely(tried[k]), wanted)
+        found.update({k: r if np.isfinite(r) else -np.inf for k, r in zip(wanted, reached, strict=True)})
+        top = max(found.keys() - {0}, key=lambda k: found[k], default=0)
+        wanted = [k for k in (top - 1, top + 1) if top and 0 < k < len(tried)]
+    return found
 
 
 class Noises(Filter):
@@ -127,11 +142,10 @@ class Noises(Filter):
             for guess in () if guesses is None else guesses[np.isfinite(guesses[:, d]), d]:
                 tried.append(logs.copy())
                 tried[-1][[strength, time]] = guess, self.usual_times[d] if slowness is None else slowness
-            for other, reached in zip(
-                tried, side_by_side(partial(self.likelihood_of_noises, system), tried), strict=True
-            ):
-                if reached > best:
-                    logs, best = other, reached
+            found = _likelihoods(partial(self.likelihood_of_noises, system), tried)
+            top = max(found, key=lambda k: found[k])
+            if found[top] > best:
+                logs, best = tried[top], found[top]
         return logs
 
     def better_noise(

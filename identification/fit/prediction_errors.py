@@ -46,6 +46,7 @@ class PredictionErrors(Noises):
         iterations: int = 12,
         noise: bool = True,
         gain: float = LEAST_GAIN,
+        settled: bool = False,
     ) -> Point:
         """The point of greatest likelihood over the paths and, with `noise`, the noises, from the plant's values.
 
@@ -54,7 +55,7 @@ class PredictionErrors(Noises):
         not help.  If an iteration gains hardly less than the one before, the fit follows a narrow valley in short
         steps: the step is then lengthened as long as that helps.
         near: a point whose noises and initial states the fit begins with; the result is no less likely if the point
-        has the plant's values.
+        has the plant's values.  settled: whether weaker accelerations have been tried there.
         """
         here, known = self._begun(plant.vector, near), None
         if noise:
@@ -78,7 +79,7 @@ class PredictionErrors(Noises):
             if self.is_answered(here) and not own:  # a fit must not end by slopes from farther away
                 here, own = self.prepared(here, paths, anew=True), True
                 continue
-            there = self._weaker(here, paths) if noise else here
+            there = self._weaker(here, paths) if noise and not settled else here
             if not self.objective(there, paths) > self.objective(here, paths) + gain:
                 break
             here, known, own = there, None, False

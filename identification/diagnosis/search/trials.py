@@ -232,14 +232,11 @@ def all_finished(bench: Workbench, state: State, begun: Sequence[Begun], count: 
     def finish(one: Begun, led: Trial | None = None) -> Trial | None:
         if led is not None and not bench.goes_on(_FITTING):
             return None
-        return judged(bench, state, one.screening.candidate, one.screening, begin(one, led), count)
-
-    def begin(one: Begun, led: Trial | None) -> State:
         if led is not None and led.state is not None and led.state.finite:
             swapped = _in_place(bench, state, one, first, led.state)
             if bench.gain(swapped, led.state) < TIE:
-                return swapped
-        return one.state
+                return judged(bench, state, one.screening.candidate, one.screening, swapped, count, settled=True)
+        return judged(bench, state, one.screening.candidate, one.screening, one.state, count)
 
     led = finish(first)
     later = side_by_side(lambda one: finish(one, led), others)
@@ -294,10 +291,22 @@ def _overtaken(begun: Sequence[Begun], trials: Sequence[Trial], bar: float) -> l
 
 
 def judged(
-    bench: Workbench, state: State, candidate: Candidate, screening: Screening, near: State, count: int
+    bench: Workbench,
+    state: State,
+    candidate: Candidate,
+    screening: Screening,
+    near: State,
+    count: int,
+    settled: bool = False,
 ) -> Trial:
-    """The trial of a candidate fitted from a nearby state, by a first judgement; see `sure` for the complete gate."""
-    reached = bench.likelier_from_given(tried(bench.problem, near), HOPELESS)
+    """The trial of a candidate fitted from a nearby state, by a first judgement; see `sure` for the complete gate.
+
+    settled: whether the nearby state is where the fit of an effect that acts alike has ended, which has tried weaker
+    accelerations and the coefficients as given.
+    """
+    reached = tried(bench.problem, near, settled)
+    if not settled:
+        reached = bench.likelier_from_given(reached, HOPELESS)
     found = gate(bench, state, reached, [(candidate, screening)], count, soon=True)
     return Trial(candidate, reached, found.train, found.held, screening, found.objection)
 

@@ -57,9 +57,9 @@ class State:
         return bool(np.isfinite(self.point.scores).all())
 
 
-def tried(problem: PredictionErrors, near: State) -> State:
-    """The state that a trial's fit reaches from a nearby state."""
-    point = problem.solve(near.plant, near.paths, near.point, ITERATIONS, gain=TRIAL_GAIN)
+def tried(problem: PredictionErrors, near: State, settled: bool = False) -> State:
+    """The state that a trial's fit reaches from a nearby state; settled: see `PredictionErrors.solve`."""
+    point = problem.solve(near.plant, near.paths, near.point, ITERATIONS, gain=TRIAL_GAIN, settled=settled)
     return State(problem.plant_at(point, near.paths), near.paths, point)
 
 

@@ -670,3 +670,49 @@ def test_a_fit_begins_with_a_first_guess_of_noises_where_the_vehicle_runs_away_w
     begun = problem._begun(replace_at(GLIDER, OFFSET, 0.02).vector, near)
     assert begun.system is not None
     assert np.array_equal(begun.logs, problem.first_noise())
+
+
+def test_a_vehicle_that_leaves_the_record_is_given_up_unless_nothing_better_is_known(pushed, monkeypatch):
+    problem = PredictionErrors(GLIDER, pushed, whole(pushed))
+    near, own, passes = problem.solve(GLIDER, ()), problem._filtered, []
+
+    def astray(*args, **options):
+        found, _ = own(*args, **options)
+        passes.append(found)
+        return replace(found, scores=found.scores - 2.0), 1.0  # starts improve, but rows are far less likely
+
+    monkeypatch.setattr(problem, "_filtered", astray)
+    problem.point(GLIDER.vector, near.logs, near)
+    assert len(passes) == 1
+    problem.point(GLIDER.vector, near.logs, replace(near, scores=near.scores - 4.0))
+    assert len(passes) == 5
+    problem.point(GLIDER.vector, near.logs)
+    assert len(passes) == 10
+
+
+def test_noises_that_hardly_change_keep_the_linearisation(pushed, monkeypatch):
+    problem = PredictionErrors(GLIDER, pushed, whole(pushed))
+    near, points, own = problem.solve(GLIDER, PATHS), [], problem.point
+    monkeypatch.setattr(problem, "point", lambda *args: points.append(args) or own(*args))
+    found, _ = problem._renewed(problem.with_noise(near, near.logs - 0.4), PATHS, NOISE_STEPS)
+    assert not points
+    assert problem.objective(found, PATHS) == pytest.approx(problem.objective(near, PATHS), abs=0.05)
+    problem._renewed(problem.with_noise(near, near.logs - 2.0), PATHS, NOISE_STEPS)
+    assert len(points) == 1
+
+
+@pytest.mark.parametrize("peak", [0.01, 0.1, 1.0])
+def test_the_likeliest_strength_is_found_without_trying_all(peak, monkeypatch):
+    """The strength is tried at seven powers of ten, and none at all."""
+    problem = PredictionErrors(GLIDER, log := glider_log(0), whole(log))
+    tried, first, logs = [], len(problem.channels), problem.first_noise()
+    unit = problem.unit[0]
+
+    def likelihood(system, logs):
+        tried.append(logs[first])
+        return -abs(logs[first] - np.log(peak * unit))
+
+    monkeypatch.setattr(problem, "likelihood_of_noises", likelihood)
+    found = problem._likeliest(problem._first_system, problem._without(logs, [0]), [0], problem._guesses)
+    assert np.exp(found[first]) == pytest.approx(peak * unit)
+    assert len(tried) <= 7  # with the noises as they were

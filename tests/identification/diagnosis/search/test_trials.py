@@ -92,17 +92,19 @@ def test_a_candidate_that_acts_like_the_first_begins_where_its_fit_has_ended(off
     other = next(b for b in begun if b is not first)
     twin = replace(first, screening=replace(first.screening, candidate=Candidate("twin", (OFFSET,))))
 
-    def judged(bench, state, candidate, screening, near, count):
-        nears.append(near)
-        return own(bench, state, candidate, screening, near, count)
+    def judged(bench, state, candidate, screening, near, count, settled=False):
+        nears.append((near, settled))
+        return own(bench, state, candidate, screening, near, count, settled)
 
     own = trials.judged
     monkeypatch.setattr(trials, "judged", judged)
     led, *_ = trials.all_finished(bench, state, [first, twin, other], len(candidates))
-    near = next(n for n in nears[1:] if n.paths == first.state.paths)
+    near, settled = next(n for n in nears[1:] if n[0].paths == first.state.paths)
     assert near.plant.vector == pytest.approx(led.state.plant.vector, rel=1e-12)
-    unlike = next(n for n in nears[1:] if n.paths != first.state.paths)
+    assert settled
+    unlike, settled = next(n for n in nears[1:] if n[0].paths != first.state.paths)
     assert value_at(unlike.plant, "hull.n_r") != value_at(led.state.plant, "hull.n_r")
+    assert not settled
 
 
 def test_what_is_chosen_passes_all_that_the_gate_asks(offset_log, tried, monkeypatch):
