@@ -84,7 +84,8 @@ def kinematic_findings(record: Record, plant: Plant) -> Kinematics:
     """The sensor effects and currents of a plant that kinematics supports, and those that it clears.
 
     Effects are selected one by one, the one with the most evidence first, as long as the evidence reaches `PLAINLY`
-    standard errors and is significant over the blocks.
+    standard errors and is significant over the blocks.  One that is too small to tell is not reported, but no other
+    one takes its place.
     Intervals come from the scatter between blocks, so that noise may have any colour within a block.
     """
     system = _system(record, plant)
@@ -95,7 +96,7 @@ def kinematic_findings(record: Record, plant: Plant) -> Kinematics:
     gains: list[float] = []
     for _ in range(MOST):
         rest = [k for k in range(len(system.paths)) if k not in chosen]
-        rest = [k for k in rest if _sensible(plant, system.paths[k], _estimate(system, [*chosen, k], k)[0])]
+        rest = [k for k in rest if _possible(plant, system.paths[k], _estimate(system, [*chosen, k], k)[0])]
         evidence = {k: _evidence(system, chosen, k) for k in rest}
         top = max(rest, key=lambda k: evidence[k], default=None)
         if top is None or evidence[top] < PLAINLY**2 or not _sure(system, [*chosen, top]):
@@ -107,7 +108,9 @@ def kinematic_findings(record: Record, plant: Plant) -> Kinematics:
         gains.append(evidence[best])
         chosen.append(best)
     mismatches = [
-        _mismatch(system, plant, chosen, k, tied, gain) for k, tied, gain in zip(chosen, ties, gains, strict=True)
+        _mismatch(system, plant, chosen, k, tied, gain)
+        for k, tied, gain in zip(chosen, ties, gains, strict=True)
+        if _worth_telling(plant, system.paths[k], _estimate(system, chosen, k)[0])
     ]
     suspected = {*chosen, *(k for tied in ties for k in tied)}
     clears = []
@@ -121,10 +124,15 @@ def kinematic_findings(record: Record, plant: Plant) -> Kinematics:
     return Kinematics(tuple(order), tuple(clears), system.titles)
 
 
-def _sensible(plant: Plant, path: str, value: float) -> bool:
-    """Whether a value is large enough to report, and within the effect's bounds."""
-    spec = spec_at(plant, path)
-    return abs(value) > WORTH_TELLING * spec.probe and spec.bounds[0] <= value <= spec.bounds[1]
+def _possible(plant: Plant, path: str, value: float) -> bool:
+    """Whether a value is within the effect's bounds."""
+    low, high = spec_at(plant, path).bounds
+    return low <= value <= high
+
+
+def _worth_telling(plant: Plant, path: str, value: float) -> bool:
+    """Whether a value is large enough to report."""
+    return abs(value) > WORTH_TELLING * spec_at(plant, path).probe
 
 
 def _mismatch(system: _System, plant: Plant, chosen: list[int], k: int, tied: Sequence[int], gain: float) -> Mismatch:

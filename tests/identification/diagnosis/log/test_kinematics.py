@@ -78,6 +78,15 @@ def test_clean_logs_are_silent_and_clear_the_sensors(torpedo, clean):
         assert c.ci95[0] < c.value < c.ci95[1]
 
 
+def test_no_other_sensor_has_an_error_that_is_too_small_to_tell():
+    """At a nearly constant speed, a DVL's scale looks like a bias, which has a smaller probe beside this speed."""
+    vehicle = load_vehicle("npsauv")
+    rows = run_mission(
+        replace_at(vehicle, "effects.dvl_ground.scale", -0.0045), np.random.default_rng(3), duration=290.0
+    )
+    assert kinematic_findings(rows, vehicle).mismatches == ()
+
+
 def test_a_cleared_sensor_is_not_the_one_with_the_effect(torpedo):
     path = "effects.gyros.bias_r"
     assert path not in {c.path for c in kinematic_findings(log_with(torpedo, path), torpedo).clears}
