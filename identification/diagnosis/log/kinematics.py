@@ -97,14 +97,15 @@ def kinematic_findings(record: Record, plant: Plant) -> Kinematics:
     for _ in range(MOST):
         rest = [k for k in range(len(system.paths)) if k not in chosen]
         rest = [k for k in rest if _possible(plant, system.paths[k], _estimate(system, [*chosen, k], k)[0])]
-        evidence = {k: _evidence(system, chosen, k) for k in rest}
+        before, loss = _loss(system, chosen), {k: _loss(system, [*chosen, k]) for k in rest}
+        # limited to what the scatter over the blocks supports
+        evidence = {k: min(before - loss[k], _errors(system, [*chosen, k]) ** 2) for k in rest}
         top = max(rest, key=lambda k: evidence[k], default=None)
         if top is None or evidence[top] < PLAINLY**2 or not _sure(system, [*chosen, top]):
             break
         # among those with nearly as much evidence, the likelihood decides: it includes equations of little weight
-        loss = {k: _loss(system, [*chosen, k]) for k in rest if evidence[k] > NEARLY * evidence[top]}
-        best = min(loss, key=lambda k: loss[k])
-        ties.append([k for k in loss if k != best and loss[k] < loss[best] + TIE])
+        best = min((k for k in rest if evidence[k] > NEARLY * evidence[top]), key=lambda k: loss[k])
+        ties.append([k for k in rest if k != best and loss[k] < loss[best] + TIE])
         gains.append(evidence[best])
         chosen.append(best)
     mismatches = [
@@ -245,12 +246,6 @@ def _estimate(system: _System, chosen: Sequence[int], k: int) -> tuple[float, fl
     plain = bread[place, place] * float(np.mean(rest**2))
     half = float(stats.t.ppf(0.975, _freedom(system))) * np.sqrt(max(robust, plain))
     return float(value[place] / size[place]), float(half / size[place])
-
-
-def _evidence(system: _System, chosen: Sequence[int], k: int) -> float:
-    """Twice the gain in log-likelihood by one more effect, limited to what its scatter over the blocks supports."""
-    gain = _loss(system, chosen) - _loss(system, [*chosen, k])
-    return float(min(gain, _errors(system, [*chosen, k]) ** 2))
 
 
 def _sure(system: _System, chosen: Sequence[int]) -> bool:
