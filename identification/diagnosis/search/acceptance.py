@@ -112,7 +112,7 @@ def weighed(
         return Weighed(0.0, 0.0, DIVERGES)
     train, known = bench.gain(before, after), bench.known_gain(before, after)
     held = bench.gain_foretold(before, after, soon) if train >= bar else 0.0
-    claim = Claim(train, held, bar, sizes, reach, lambda: bench.flies(after.plant), known)
+    claim = Claim(train, held, bar, sizes, reach, lambda: bench.flies(after), known)
     return Weighed(train, held, objection(claim), known)
 
 

@@ -161,8 +161,6 @@ def _weighed(bench: Workbench, before: State, found: Found, count: int, settle: 
     value, limits = term_interval(bench, found)
     evidence = bench.gains(before, after)
     sizes = [effect_size(after.plant, found.path)]
-    claim = Claim(
-        *evidence, threshold(count), sizes, lambda: [limits[1] - value], lambda: bench.flies(after.plant, settle)
-    )
+    claim = Claim(*evidence, threshold(count), sizes, lambda: [limits[1] - value], lambda: bench.flies(after, settle))
     names = (found.path, spec.title, spec.unit)
     return Term(*names, value, limits, found.frequency, *evidence, found.alike, objection(claim, TERM))

@@ -377,26 +377,31 @@ class Workbench:
         known = p.total(state.point) - p.objective(state.point, state.paths)
         return 2.0 * (known / BLOCKS - scores)
 
-    def flies(self, plant: Plant, settle: float | None = None) -> bool:
+    def flies(self, state: State, settle: float | None = None) -> bool:
         """Whether free runs stay finite."""
-        return self._free_errors(plant, settle) is not None
+        return self._free_errors(state, settle) is not None
 
     def nearer(self, before: State, after: State) -> float:
         """The decrease of free-run errors from one state to another: of the logarithm of RMS, mean over channels.
 
         It is 1 or -1 if only the first or only the second diverges, and 0 if both do.
         """
-        first, second = self._free_errors(before.plant), self._free_errors(after.plant)
+        first, second = self._free_errors(before), self._free_errors(after)
         if first is None or second is None:
             return float(first is None) - float(second is None)
         return float(np.mean(np.log(first / second)))
 
-    def _free_errors(self, plant: Plant, settle: float | None = None) -> np.ndarray | None:
+    def _free_errors(self, state: State, settle: float | None = None) -> np.ndarray | None:
         """RMS errors of free runs over all windows, by channel, (C,); None if a run diverges."""
-        try:
-            with np.errstate(over="ignore", invalid="ignore"):
-                runs = free_runs(plant, self.record, self.windows, plant.settle if settle is None else settle)
-        except Diverged:
-            return None
-        squares = [runs.errors(c) ** 2 for c in range(len(runs.channels))]
-        return np.maximum([np.sqrt(s.sum() / max(s.size, 1)) for s in squares], 1e-12)
+        plant = state.plant
+
+        def found() -> np.ndarray | None:
+            try:
+                with np.errstate(over="ignore", invalid="ignore"):
+                    runs = free_runs(plant, self.record, self.windows, plant.settle if settle is None else settle)
+            except Diverged:
+                return None
+            squares = [runs.errors(c) ** 2 for c in range(len(runs.channels))]
+            return np.maximum([np.sqrt(s.sum() / max(s.size, 1)) for s in squares], 1e-12)
+
+        return self.once(state, ("free errors", settle), found)

@@ -104,7 +104,7 @@ class Table:
     def goes_on(self, step: str) -> bool:
         return True
 
-    def flies(self, plant: Plant, settle: float | None = None) -> bool:
+    def flies(self, state: State, settle: float | None = None) -> bool:
         return self.stable
 
     def intervals(self, state: State) -> dict[str, tuple[float, float, float]]:

@@ -231,6 +231,7 @@ def test_free_runs_are_nearer_with_what_is_there(turning, monkeypatch):
             raise Diverged(1.0, "north_m", {})
         return runs(plant, *arguments)
 
+    nominal, there = replace(nominal), replace(there)
     monkeypatch.setattr(workbench, "free_runs", diverging)
     assert bench.nearer(nominal, there) == -1.0
     assert bench.nearer(there, nominal) == 1.0

@@ -160,11 +160,11 @@ def test_evidence_for_a_refit_is_less_what_the_coefficients_had_to_move(bench):
 
 
 def test_a_free_run_that_runs_away_is_no_flight(bench):
-    assert bench.flies(QUICK)
+    assert bench.flies(bench.fit(QUICK, ()))
     wild = replace_at(QUICK, "effects.discovered.yaw.r_r", 1e6)
-    assert not bench.flies(wild)
-    point = bench.problem.point(wild.vector, bench.problem.first_noise())
-    assert not State(wild, (), point).finite
+    there = State(wild, (), bench.problem.point(wild.vector, bench.problem.first_noise()))
+    assert not bench.flies(there)
+    assert not there.finite
 
 
 def test_what_is_taken_out_is_neutral_and_no_longer_free(bench):
