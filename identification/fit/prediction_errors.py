@@ -202,11 +202,15 @@ class PredictionErrors(Noises):
             return None
         return there
 
-    def renewed(self, point: Point, logs: np.ndarray, paths: Sequence[str]) -> Point:
-        """The point with the likeliest noises for its parameters, sought from given ones, or else from its own."""
-        there = self._renewed(self.point(point.vector, logs, point), paths, NOISE_STEPS)[0]
+    def renewed(self, point: Point, logs: np.ndarray, paths: Sequence[str], missing: bool = True) -> Point:
+        """The point with the likeliest noises for its parameters, sought from given ones, or else from its own.
+
+        missing: whether accelerations that are missing are tried.
+        """
+        known = None if missing else np.eye(logs.size)
+        there = self._renewed(self.point(point.vector, logs, point), paths, NOISE_STEPS, known)[0]
         if self.objective(point, paths) > self.objective(there, paths):
-            there = self._renewed(point, paths, NOISE_STEPS)[0]
+            there = self._renewed(point, paths, NOISE_STEPS, known)[0]
         return there
 
     def _further(self, here: Point, there: Point, paths: Sequence[str], gain: float) -> Point:

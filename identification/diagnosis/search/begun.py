@@ -65,8 +65,8 @@ def begun_from(bench: Workbench, state: State, base: State, screening: Screening
     finite = [p for p in points if np.isfinite(p.scores).all()]  # `max` would keep NaN against all later points
     best = max(finite or points[:1], key=lambda p: problem.objective(p, paths))
     point = problem.descended(best, paths, FIRST_ITERATIONS)
-    if base.quiet and np.isfinite(point.scores).all():  # the rival has the noises that suit it
-        point = problem.renewed(point, rival.point.logs, paths)
+    if base.quiet and np.isfinite(point.scores).all():  # the rival has the noises that suit it, and none is missing
+        point = problem.renewed(point, rival.point.logs, paths, missing=False)
     first = State(problem.plant_at(point, paths), paths, point)
     return Begun(screening, first, bench.gain(rival, first) if first.finite else -np.inf, base.quiet)
 

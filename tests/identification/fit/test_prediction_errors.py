@@ -196,6 +196,13 @@ def test_accelerations_that_a_filter_does_without_are_brought_back(pushed):
     assert problem._there(problem.better_noise(point, NOISE_STEPS)[0]).any()
 
 
+def test_noises_are_renewed_without_accelerations_that_are_missing(pushed):
+    problem = PredictionErrors(GLIDER, pushed, whole(pushed))
+    point = problem.first_point(problem._without(problem.first_noise(), [0]))
+    assert not problem.is_pushed(problem.renewed(point, point.logs, (), missing=False))
+    assert problem.is_pushed(problem.renewed(point, point.logs, ()))
+
+
 def test_an_acceleration_that_is_far_too_strong_is_not_given_up_before_weaker_ones_are_tried():
     """A common strength for all axes may be far too large for one, so that none, but also a weaker one, is likelier."""
     log, plant = glider_log(0, push=0.0012), replace_at(GLIDER, {OFFSET: 0.03})
