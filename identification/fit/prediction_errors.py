@@ -273,7 +273,7 @@ class PredictionErrors(Noises):
         logs, known = self.better_noise(about, steps, known)
         if np.array_equal(logs, here.logs):
             return here, known
-        if about.system is None or other_precision(about, logs):
+        if other_precision(about, logs):
             there = self.point(here.vector, logs, about)
         else:  # hardly moves the path about which the vehicle is linearised
             there = self.descended(self.with_noise(about, logs), ())

@@ -108,11 +108,8 @@ def kinematic_findings(record: Record, plant: Plant) -> Kinematics:
         ties.append([k for k in rest if k != best and loss[k] < loss[best] + TIE])
         gains.append(evidence[best])
         chosen.append(best)
-    mismatches = [
-        _mismatch(system, plant, chosen, k, tied, gain)
-        for k, tied, gain in zip(chosen, ties, gains, strict=True)
-        if _worth_telling(plant, system.paths[k], _estimate(system, chosen, k)[0])
-    ]
+    made = [_mismatch(system, plant, chosen, k, tied, gain) for k, tied, gain in zip(chosen, ties, gains, strict=True)]
+    mismatches = [m for m in made if _worth_telling(plant, m.path, m.value)]
     suspected = {*chosen, *(k for tied in ties for k in tied)}
     clears = []
     for k in range(len(system.paths)):

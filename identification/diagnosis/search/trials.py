@@ -232,11 +232,12 @@ def all_finished(bench: Workbench, state: State, begun: Sequence[Begun], count: 
     def finish(one: Begun, led: Trial | None = None) -> Trial | None:
         if led is not None and not bench.goes_on(_FITTING):
             return None
+        near, settled = one.state, False
         if led is not None and led.state is not None and led.state.finite:
             swapped = _in_place(bench, state, one, first, led.state)
             if bench.gain(swapped, led.state) < TIE:
-                return judged(bench, state, one.screening.candidate, one.screening, swapped, count, settled=True)
-        return judged(bench, state, one.screening.candidate, one.screening, one.state, count)
+                near, settled = swapped, True
+        return judged(bench, state, one.screening.candidate, one.screening, near, count, settled)
 
     led = finish(first)
     later = side_by_side(lambda one: finish(one, led), others)
