@@ -13,7 +13,7 @@ from identification.fit.intervals import Information, _by_noise, information_of,
 from identification.fit.noises import Noises
 from identification.fit.prediction_errors import PredictionErrors
 from tests.identification.diagnosis.stand_ins import point_of
-from tests.identification.fit.test_prediction_errors import GLIDER, OFFSET, glider_log
+from tests.identification.fit.glider_logs import GLIDER, OFFSET, glider_log
 
 COUNT = 4000
 

@@ -104,7 +104,7 @@ def test_one_wild_row_is_not_taken_for_a_term_that_acts_there(still):
 @pytest.mark.slow
 def test_weights_of_what_is_not_there_have_the_distribution_that_is_said():
     """For a step in the yaw acceleration, over 60 logs of a randomly pushed glider, p-values are uniform."""
-    from tests.identification.fit.test_prediction_errors import GLIDER, OFFSET, glider_log, replace_at, whole
+    from tests.identification.fit.glider_logs import GLIDER, OFFSET, glider_log, replace_at, whole
 
     plant, chances = replace_at(GLIDER, {OFFSET: 0.03}), []
     for seed in range(100, 160):

@@ -7,7 +7,7 @@ from auv_gym.param import replace_at
 from identification.diagnosis.search import gusts as module
 from identification.diagnosis.search.gusts import gusts
 from identification.fit.prediction_errors import PredictionErrors
-from tests.identification.fit.test_prediction_errors import GLIDER, OFFSET, glider_log, whole
+from tests.identification.fit.glider_logs import GLIDER, OFFSET, glider_log, whole
 
 PLANT = replace_at(GLIDER, {OFFSET: 0.03})
 
