@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from auv_gym import Record
+from auv_gym.param import spec_at
 from scripts.real.log import Log
 from scripts.studies import choices
 from scripts.studies.harness import Found
@@ -52,8 +53,9 @@ def test_every_choice_is_diagnosed_and_a_refusal_is_told(monkeypatch, tmp_path):
     told = choices.attempt(log.name, 0, str(tmp_path))
     assert [r["choice"] for r in told] == list(choices.CHOICES)
     assert {(r["verdict"], r["why"]) for r in told} == {("refused", "too short")}
-    assert asked[0] == (40, {})
-    for other in ((40, {"window": 72.0}), (20, {}), (40, {"doubt": 0.05})):
+    usual = {"window": None, "settle": None}
+    assert asked[0] == (40, usual)
+    for other in ((40, usual | {"window": 72.0}), (20, usual), (40, usual | {"doubt": 0.05})):
         assert other in asked
 
 
@@ -70,4 +72,42 @@ def test_the_table_counts_names_that_are_kept_and_new_ones():
     assert [row[1:5] for row in sheet.rows if row] == [
         [choices.WHOLE, "named", "1 of 1", "0"],
         ["first half", "tied", "1 of 1", "1"],
+    ]
+
+
+def test_simulated_logs_have_one_effect_that_is_large_enough(monkeypatch):
+    """The first log of the seed whose effect is four times as large as it would just show, and its believed vehicle."""
+    asked = []
+
+    def diagnosed(record, plant, **settings):
+        asked.append((record, plant, settings["window"], settings["settle"]))
+        raise ValueError("too short")
+
+    monkeypatch.setattr(choices, "diagnose", diagnosed)
+    monkeypatch.setattr(choices, "CHOICES", (choices.WHOLE, "free runs 0.6 times as long"))
+    told = choices.attempt("glider", 5, "")
+    assert [r["choice"] for r in told] == [choices.WHOLE, "free runs 0.6 times as long"]
+    first = next(d for d in (choices._drawn("glider", 5, k) for k in range(99)) if d is not None and choices.large(d))
+    ((path, value),) = first.effects.items()
+    assert abs(value - spec_at(first.true, path).neutral) >= 4.0 * first.detectable[path]
+    assert np.array_equal(asked[0][0]["heading_rad"], first.record["heading_rad"])
+    assert asked[0][2] is None
+    assert asked[1][2] == 0.6 * first.believed.window
+
+
+def test_the_table_of_simulated_logs_counts_those_with_the_same_names_of_those_that_are_named(monkeypatch):
+    monkeypatch.setattr(choices, "CHOICES", (choices.WHOLE, "first half"))
+    runs = {
+        0: [("named", [["a"]]), ("tied", [["a", "b"]])],
+        1: [("named", [["a"]]), ("unexplained", [["a"], ["c"]])],
+        2: [("unexplained", [["a"]]), ("named", [["a"]])],  # nothing is named that could be kept
+    }
+    told = {
+        seed: [{"choice": c, "verdict": v, "groups": g} for c, (v, g) in zip(choices.CHOICES, run, strict=True)]
+        for seed, run in runs.items()
+    }
+    (sheet,) = choices.sheets(Found({"glider": told}, {}))
+    assert [row[1:] for row in sheet.rows if row] == [
+        ["first half", "2", "50.0 (1.3 to 98.7)", "1"],
+        ["all", "2", "50.0 (1.3 to 98.7)", ""],
     ]
