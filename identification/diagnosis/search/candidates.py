@@ -380,17 +380,19 @@ class Regression:
 
     def _together(self, signed: Sequence[_Signed]) -> dict[str, tuple[float, int]]:
         """For each part, the evidence for all of its effects at once, and the number of independent ones."""
-        paths = [p for one, *_ in signed for p in one.candidate.paths]
-        rest, whole = np.vstack([own for _, own, _ in signed]), np.vstack([whole for *_, whole in signed])
-        size, full = np.linalg.norm(rest, axis=1), np.linalg.norm(whole, axis=1)
-        seen, parts = size > np.sqrt(SEEN) * np.maximum(full, 1e-6), np.array([part_of(p) for p in paths])
+        seen: dict[str, list[np.ndarray]] = {}
+        for one, rest, whole in signed:
+            for path, own, full in zip(one.candidate.paths, rest, whole, strict=True):
+                size, rows = np.linalg.norm(own), seen.setdefault(part_of(path), [])
+                if size > np.sqrt(SEEN) * max(np.linalg.norm(full), 1e-6):
+                    rows.append(own / size)
         found = {}
-        for part in np.unique(parts):
-            own = rest[seen & (parts == part)] / size[seen & (parts == part), None]
+        for part, rows in seen.items():
+            own = np.array(rows).reshape(len(rows), self.left.size)
             values, vectors = np.linalg.eigh(own @ own.T)
             kept = values > SEEN * values.max(initial=0.0)
             shares = vectors[:, kept].T @ (own @ self.left)
-            found[str(part)] = (float(np.sum(shares**2 / values[kept])), int(kept.sum()))
+            found[part] = (float(np.sum(shares**2 / values[kept])), int(kept.sum()))
         return found
 
     def _one(self, candidate: Candidate, own: np.ndarray, whole: np.ndarray, step: float) -> Screening:
