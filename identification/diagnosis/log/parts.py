@@ -41,13 +41,19 @@ def parts_of(plant: Plant, record: Record, most: int = MOST_PARTS) -> tuple[Part
 
 
 def in_equal_times(record: Record, stretches: Sequence[slice], count: int) -> list[list[slice]]:
-    """The pieces of stretches in each of `count` equal spans of time; see `block_numbers`."""
+    """The pieces of stretches in each of `count` equal spans of time; see `block_numbers`.
+
+    No cut leaves fewer than `LEAST_SAMPLES` samples on a side; a piece belongs to the span in which its middle is.
+    """
     numbers = block_numbers(record, stretches, count)
     found: list[list[slice]] = [[] for _ in range(count)]
     for stretch, own in zip(stretches, (numbers[s] for s in _own(stretches)), strict=True):
-        edges = stretch.start + np.r_[0, np.flatnonzero(np.diff(own)) + 1, own.size]
-        for a, b in pairwise(edges.tolist()):
-            found[int(own[a - stretch.start])].append(slice(a, b))
+        edges = [0]
+        for cut_at in (np.flatnonzero(np.diff(own)) + 1).tolist():
+            if min(cut_at - edges[-1], own.size - cut_at) >= LEAST_SAMPLES:
+                edges.append(cut_at)
+        for a, b in pairwise([*edges, own.size]):
+            found[int(own[(a + b) // 2])].append(slice(stretch.start + a, stretch.start + b))
     return found
 
 

@@ -12,9 +12,9 @@ from identification.deciding import MOST_PARTS
 from identification.diagnosis import diagnose
 from identification.diagnosis.log import checking
 from identification.diagnosis.log.checking import Asked, check_log
-from identification.diagnosis.log.parts import block_numbers, excerpts, parts_of, windows_of
+from identification.diagnosis.log.parts import block_numbers, excerpts, in_equal_times, parts_of, windows_of
 from identification.experiments.missions import run_mission
-from identification.fit.windows import stretches_of
+from identification.fit.windows import LEAST_SAMPLES, stretches_of
 from tests.identification.gliders import QUICK
 
 
@@ -42,6 +42,19 @@ def test_time_that_nothing_was_logged_in_is_no_ones_part(record):
     lengths = [len(rows_of(part)) for part in parts]
     assert max(lengths) - min(lengths) <= 3
     assert sum(len(part) for part in parts) == MOST_PARTS + 1  # one of them spans the gap, in two pieces
+
+
+def test_no_part_gets_a_piece_of_a_few_samples():
+    """A stretch of one sample has no second one by which a fit could see whether its start still matters."""
+    record = Record.from_arrays(np.arange(200.0), {"heading_rad": np.zeros(200)})
+    for gap in range(1, 100):
+        stretches = [slice(0, gap + LEAST_SAMPLES), slice(gap + 2 * LEAST_SAMPLES, 200)]
+        parts = in_equal_times(record, stretches, MOST_PARTS)
+        pieces = [piece for part in parts for piece in part]
+        assert min(piece.stop - piece.start for piece in pieces) >= LEAST_SAMPLES
+        assert sorted(rows_of(pieces)) == rows_of(stretches)
+        lengths = [len(rows_of(part)) for part in parts]
+        assert max(lengths) - min(lengths) <= 2 * LEAST_SAMPLES
 
 
 def test_windows_are_of_one_length_within_their_part_and_short_ones_only_where_there_are_no_others(record):
