@@ -67,11 +67,14 @@ def only_readings(record: Record, names: Sequence[str]) -> tuple[Record, list[st
     values, marks, slower, lines = {}, {}, [], []
     moving = np.any([np.diff(record[n], prepend=np.nan) != 0.0 for n in record.names if n not in _AS_TIME], axis=0)
     for name in names:
-        read, spikes = record.readings(name), np.zeros(len(record), dtype=bool)
-        again, slow = only_repeated(record[name], record.segments)
-        again &= read
-        for begin, end in () if slow else _runs(again):
-            again[begin:end] = moving[begin:end].any()
+        read, again, spikes = record.readings(name), *np.zeros((2, len(record)), dtype=bool)
+        rows = np.flatnonzero(read)
+        repeated, slow = only_repeated(record[name][rows], _among(rows, record.segments))
+        longest = 0.0
+        for begin, end in _runs(repeated):
+            if slow or moving[rows[begin] : rows[end - 1] + 1].any():
+                again[rows[begin:end]] = True
+                longest = max(longest, record.time[rows[end - 1]] - record.time[rows[begin - 1]])
         for s in record.segments:
             rows = s.start + np.flatnonzero(read[s] & ~again[s])
             spikes[rows] = single_spikes(record[name][rows])
@@ -84,7 +87,6 @@ def only_readings(record: Record, names: Sequence[str]) -> tuple[Record, list[st
         if slow:
             slower.append(name)
         elif again.any():
-            longest = max(end - begin for begin, end in _runs(again)) * record.sample_interval
             lines.append(
                 f"{name} repeats one value for up to {longest:.3g} s, as a sensor that stands still: the repeated "
                 "values are not taken for readings."
@@ -105,6 +107,11 @@ def _spiked(name: str, times: np.ndarray) -> str:
     if times.size == 1:
         return f"{name} has a single spike at {times[0]:.6g} s, which is not taken for a reading."
     return f"{name} has {times.size:,} single spikes, the first at {times[0]:.6g} s: they are not taken for readings."
+
+
+def _among(rows: np.ndarray, segments: Sequence[slice]) -> list[slice]:
+    """The positions, among some rows, of those in each segment."""
+    return [slice(*np.searchsorted(rows, (s.start, s.stop)).tolist()) for s in segments]
 
 
 def _runs(mask: np.ndarray) -> np.ndarray:

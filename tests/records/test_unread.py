@@ -51,6 +51,18 @@ def test_coarse_readings_are_readings(noise, step):
     assert not only_repeated(values, WHOLE)[0].any()
 
 
+def test_between_readings_of_a_slower_sensor_nothing_repeats():
+    """Two readings a second apart happen to be equal, so that the rows between them, on a straight line, are, too."""
+    values, read = swinging(), np.arange(ROWS) % 10 == 0
+    values[210] = values[200]
+    record = Record.from_arrays(TIME, {"north_m": np.interp(TIME, TIME[read], values[read]), "rudder_rad": values})
+    marked = record.with_readings({"north_m": read})
+    assert only_readings(marked, ["north_m"]) == (marked, [])
+    still = record.with_channels({"north_m": np.where(TIME < 20.0, record["north_m"], record["north_m"][200])})
+    _, (line,) = only_readings(still.with_readings({"north_m": read}), ["north_m"])
+    assert "one value for up to 39 s" in line
+
+
 def test_so_are_those_of_a_vehicle_that_rests_and_constant_ones():
     resting = np.where(TIME < 30.0, 0.0, np.sin(TIME - 30.0))
     record = Record.from_arrays(TIME, {"heading_rad": resting, "depth_m": resting + 1.0, "rudder_rad": 0.0 * TIME})
