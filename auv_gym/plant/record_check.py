@@ -47,7 +47,9 @@ def needs_of(plant: Plant) -> Needs:
             attack = partial(glide_attack, drag_0=drag_0, drag_2=drag_2, lift_1=lift_1, lift_0=lift_0)
     wanted = tuple(dict.fromkeys((*plant.inputs, *plant.outputs)))
     # a body without a required input still needs an actuator; otherwise any log would do
-    return Needs(tuple(dict.fromkeys((family.leading, *(family.required or family.actuators)))), wanted, attack)
+    required = tuple(dict.fromkeys((family.leading, *(family.required or family.actuators))))
+    spare = {name for name in plant.outputs if not channel(name).angle} - {*required, *plant.inputs}
+    return Needs(required, wanted, frozenset(spare), attack)
 
 
 def check_ranges(plant: Plant, record: Record, few: float = 0.0) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from auv_gym.channels import CHANNELS, channel
-from auv_gym.records.mending import check_runs, missing_samples, on_dropped, repaired
+from auv_gym.records.mending import bridged, check_runs, missing_samples, on_bridged, on_dropped, repaired
 from auv_gym.records.time_axis import check_time, numbered, slices
 
 if TYPE_CHECKING:
@@ -74,6 +74,7 @@ def dataset_of_arrays(
     required: Collection[str] | None,
     notes: Sequence[str],
     unread: Mapping[str, np.ndarray],
+    spare: Collection[str],
 ) -> xr.Dataset:
     """The dataset of equally long arrays, with missing values filled or dropped as `Record.from_arrays` describes."""
     time = vector("time_s", time_s, None)
@@ -83,6 +84,7 @@ def dataset_of_arrays(
     parts = slices(ids)
     variables: dict[str, Any] = {}
     marks: dict[str, Any] = {}
+    bridges: dict[str, np.ndarray] = {}
     for name, column in columns.items():
         known, finite = channel(name), np.isfinite(column)
         if known.needed and time.size and not finite.any() and (required is None or name in required):
@@ -92,6 +94,10 @@ def dataset_of_arrays(
         mended = np.where(finite, column, np.nan)
         for part in parts:
             mended[part] = repaired(time[part], mended[part], known.angle, known.held, max_fill)
+        if name in spare:
+            missing, mended = ~np.isfinite(mended), bridged(time, mended, parts)
+            if missing.any() and np.isfinite(mended).all():
+                bridges[name] = missing
         filled = np.isfinite(mended) & ~finite
         variables[name] = ("time_s", mended, {"filled": int(filled.sum())} if filled.any() else {})
         between = filled | unread[name] if name in unread else filled
@@ -105,7 +111,7 @@ def dataset_of_arrays(
             if channel(name).needed:
                 check_runs(name, time, mended, max_fill)
     if required is not None:
-        notes = [*notes, *costly.values(), *on_dropped(variables, missing)]
+        notes = [*notes, *on_bridged(bridges), *costly.values(), *on_dropped(variables, missing)]
     variables |= {name + UNREAD: mark for name, mark in marks.items() if name in variables}
     variables["segment"] = ("time_s", ids)
     kept = {NOTES: list(notes)} if notes else {}

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from auv_gym.channels import channel
+from auv_gym.param import listed
 
 MAX_FILL = 3  # samples; longer runs of missing values are gaps
+_FEWEST = 8  # readings that make a channel worth having
 _COSTS = 0.1  # share of the samples; an optional channel is left out if it would cost more
 
 
@@ -29,6 +31,22 @@ def repaired(time: np.ndarray, values: np.ndarray, angle: bool, held: bool, max_
         inner = slice(known[gap] + 1, known[gap + 1])
         ends = [known[gap], known[gap + 1]]
         result[inner] = result[ends[0]] if held else np.interp(time[inner], time[ends], result[ends])
+    return result
+
+
+def bridged(time: np.ndarray, values: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
+    """A measurement, (n,), on straight lines across all missing values, and constant before and after its readings.
+
+    A segment without any reading gets their median.  With fewer than `_FEWEST` readings, values stay missing.
+    """
+    known = np.isfinite(values)
+    if known.sum() < _FEWEST:
+        return values
+    result = np.where(known, values, np.median(values[known]))
+    for part in parts:
+        own = known[part]
+        if own.any():
+            result[part] = np.interp(time[part], time[part][own], values[part][own])
     return result
 
 
@@ -70,6 +88,22 @@ def on_dropped(variables: Mapping[str, Any], missing: np.ndarray) -> list[str]:
     what_then = "value; the record is cut there." if inside else "value, at the beginning or end of the record."
     dropped = f"{int(missing.sum()):,} of {missing.size:,} samples ({share:.2g} %) {were} dropped"
     return [f"{dropped}, where {names} had no {what_then}"]
+
+
+def on_bridged(bridges: Mapping[str, np.ndarray]) -> list[str]:
+    """A line on the channels, by name, that have no values in the samples of a mask, (n,), which are kept."""
+    groups: dict[bytes, list[str]] = {}
+    for name, mask in bridges.items():
+        groups.setdefault(mask.tobytes(), []).append(name)
+    lines = []
+    for names in groups.values():
+        mask = bridges[names[0]]
+        share, has = 100.0 * mask.mean(), "has" if len(names) == 1 else "have"
+        lines.append(
+            f"{listed(names)} {has} no value in {int(mask.sum()):,} of {mask.size:,} samples ({share:.2g} %), which "
+            "are used without it."
+        )
+    return lines
 
 
 def check_runs(name: str, time: np.ndarray, values: np.ndarray, max_fill: int) -> None:

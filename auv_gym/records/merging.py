@@ -12,13 +12,11 @@ from auv_gym.channels import Channel, channel
 from auv_gym.param import listed
 from auv_gym.records.attitude import ANGLES, QUATERNION, angles, from_angles, interpolated, turns_far
 from auv_gym.records.record import RARER
-from auv_gym.records.time_axis import SAME, gap_limit
+from auv_gym.records.time_axis import SAME, gap_limit, near_limit
 
 _LEADING = ("heading_rad", "depth_m")  # used if no vehicle states which channel it requires
 _SHUFFLED = 0.1  # share of rows that are earlier than the previous one; above it, the log was not written in order
 _BESIDE = 0.6  # share of a channel's readings in rows of the leading one; for a sensor twice as fast it is a half
-_SLOWEST = 10.0  # intervals of the base; a motion that is sampled more slowly is unknown in between,
-_SOON = 2.0  # s, unless it is sampled at least this often: underwater, little changes in that time
 _REPEATED = 10  # messages of a command, from which on one can tell whether it is sent again and again
 # model inputs that change slowly, however rare their readings: of the engine, and of the water
 _SLOW = frozenset(["buoyancy_volume_m3", "temperature_C", "salinity_psu", "conductivity_Spm", "density_kgpm3"])
@@ -77,8 +75,8 @@ def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
     Rows of its table in which only other sensors were read are left out.  Channels with a reading in most of the
     remaining rows are kept as they are; all others are brought to these rows.  Inputs, commands and flags hold their
     last value, unless they are no longer sent, see `_lasts`.  Measurements are interpolated linearly, attitudes along
-    the shortest rotation, if two samples are no further apart than the signal's gap limit and 10 intervals of the base,
-    or 2 s; otherwise they are missing.
+    the shortest rotation, if two samples are no further apart than the signal's gap limit and `near_limit`; otherwise
+    they are missing, except in the row next to a sample.
     Raises ValueError if there are no rows, or if all have the same time.
     """
     notes: list[str] = []
@@ -389,9 +387,10 @@ def _in_part(
     if near is None:
         near = gap_limit(np.diff(time)) if time.size > 1 else 0.0
         if of is None or of.name not in _SLOW:
-            near = min(near, max(_SLOWEST * spacing, _SOON))
-    unknown = (at < time[0] - slack) | (at > time[-1] + slack) | (time[after] - time[np.maximum(before, 0)] > near)
-    result[unknown] = np.nan
+            near = min(near, near_limit(spacing))
+    last, following = time[np.maximum(before, 0)], time[after]
+    far = (following - last > near) & (np.minimum(np.abs(at - last), np.abs(following - at)) > 0.5 * spacing)
+    result[far | (at < time[0] - slack) | (at > time[-1] + slack)] = np.nan
     return result
 
 

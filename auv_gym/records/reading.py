@@ -217,7 +217,7 @@ def assembled(
     kept = needs.required or (joined.leading,)
     record = Record.from_arrays(
         joined.time, values, joined.segment, attrs, long_runs=long_runs, required=kept, notes=notes,
-        unread=joined.unread,
+        unread=joined.unread, spare=needs.spare,
     )  # fmt: skip
     record = record.with_intervals({n: s for n, s in joined.intervals.items() if record.has(n)})
     cut = record.split_gaps(max_gap_s)

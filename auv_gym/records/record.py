@@ -79,6 +79,7 @@ class Record:
         required: Collection[str] | None = None,
         notes: Sequence[str] = (),
         unread: Mapping[str, np.ndarray] | None = None,
+        spare: Collection[str] = (),
     ) -> Record:
         """A record of equally long arrays, with angles unwrapped and missing values (NaN, infinities) handled.
 
@@ -90,10 +91,13 @@ class Record:
         segment: one label per sample, of any type.  unread: by channel, where values lie between readings, (n,).
         required: if given, a motion or input channel that is not listed is left out if it would cost more than a tenth
         of the samples.  notes: lines to keep; lines on what was dropped are added.
+        spare: measurements that may be missing for any time: they go on along straight lines, which are no `readings`.
         Raises if nothing is left.
         """
         return cls(
-            dataset_of_arrays(time_s, values, segment, attrs or {}, max_fill, long_runs, required, notes, unread or {})
+            dataset_of_arrays(
+                time_s, values, segment, attrs or {}, max_fill, long_runs, required, notes, unread or {}, spare
+            )
         )
 
     @property
@@ -317,7 +321,7 @@ class Record:
             own = self.interval_of(name)
             apart = {INTERVAL: own} if dt < own and not held else {}
             variables[name] = ("time_s", np.concatenate(parts), {**self.dataset[name].attrs, **apart})
-            if dt < RARER * own and name + UNREAD in self.dataset:
+            if name + UNREAD in self.dataset:
                 read = self.readings(name)
                 unread = [~nearest(grid, time[o][read[o]]) for grid, o in zip(grids, origins)]
                 variables[name + UNREAD] = ("time_s", np.concatenate(unread))

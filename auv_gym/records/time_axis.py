@@ -10,6 +10,7 @@ import numpy as np
 
 from auv_gym.channels import SEGMENT_COLUMNS
 
+_SLOWEST, _SOON = 10.0, 2.0  # sample intervals; s
 SAME = 1e-3  # of a sample interval; times closer than this are equal: seconds since 1970 are rounded to 0.2 us
 _SHORTEST_GAP = 0.25  # s
 _MOST_SAMPLES = 10_000_000  # that resample may make: 80 MB per channel
@@ -55,6 +56,14 @@ def check_time(time: np.ndarray, ids: np.ndarray) -> None:
             f"Time {happens} at row {row + 1}: {time[row]:.10g} s after {time[row - 1]:.10g} s; {remedy}, or mark a "
             f"restart with a column {' or '.join(SEGMENT_COLUMNS)}."
         )
+
+
+def near_limit(spacing: float) -> float:
+    """The interval between two readings, s, above which a motion is unknown in between; spacing: s, between samples.
+
+    Underwater, little changes in two seconds.
+    """
+    return max(_SLOWEST * spacing, _SOON)
 
 
 def gap_limit(intervals: np.ndarray) -> float:
@@ -106,7 +115,7 @@ def at_times(grid: np.ndarray, time: np.ndarray, values: np.ndarray, held: bool,
 
 
 def nearest(grid: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Indices of the times on an even grid, (m,), nearest to the given times."""
+    """A mask of the times on an even grid, (m,), that are nearest to one of the given times."""
     found = np.zeros(grid.size, dtype=bool)
     found[np.clip(np.round((time - grid[0]) / (grid[1] - grid[0])), 0, grid.size - 1).astype(int)] = True
     return found

@@ -23,12 +23,14 @@ _EPOCH_FROM = 1e8  # s; larger times count from 1970 and are shifted to start at
 class Needs:
     """The channels that a vehicle takes from a log.
 
-    required: the channels that it needs, the leading one first.  wanted: others that it can use.
+    required: the channels that it needs, the leading one first.  wanted: others that it can use.  spare: measurements
+    that may be missing for any time; angles are not, since they might turn unseen.
     attack: function from pitch to the angle of attack of its steady glide, both rad, if it has a lift model.
     """
 
     required: tuple[str, ...] = ()
     wanted: tuple[str, ...] = ()
+    spare: frozenset[str] = frozenset()
     attack: Callable[[np.ndarray], np.ndarray] | None = None
 
 

@@ -79,7 +79,7 @@ def sampled(plant: Plant, run: Record, rng: np.random.Generator) -> Record:
     joined = merged([Stream(time, values, labels=labels)], leading)
     log = Record.from_arrays(
         joined.time, joined.values, joined.segment, run.attrs, required=needs.required or (leading,),
-        unread=joined.unread,
+        unread=joined.unread, spare=needs.spare,
     )  # fmt: skip
     return log.with_intervals({n: s for n, s in joined.intervals.items() if log.has(n)}).split_gaps()
 

@@ -130,6 +130,10 @@ def test_a_motion_sampled_too_slowly_is_not_made_up():
     assert np.isfinite(merged([base, slow], "heading_rad").values["depth_m"]).sum() == 20  # its own samples alone
     water = Stream(slow.time, {"temperature_C": np.arange(20.0)}, "b")  # it does little in between
     assert np.isfinite(merged([base, water], "heading_rad").values["temperature_C"]).sum() > 900
+    aside = Stream(slow.time + 0.03, slow.values, "b")  # in the rows next to its samples
+    found = merged([base, aside], "heading_rad").values["depth_m"]
+    assert np.array_equal(np.flatnonzero(np.isfinite(found))[:4], [50, 100, 150, 200])
+    assert np.nanmax(np.abs(found - base.time / 5.0)) < 0.01
     near = Stream(slow.time, slow.values, "b", near=60.0)  # a reader may know better
     assert np.isfinite(merged([base, near], "heading_rad").values["depth_m"]).sum() > 900
 

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from auv_gym.channels import channel
 from auv_gym.param import list_paths, spec_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
+from auv_gym.records.time_axis import near_limit
 from identification.deciding import (
     CLEARED,
     FEWEST_BLOCKS,
@@ -159,7 +161,7 @@ def _system(record: Record, plant: Plant) -> _System | None:
     for block in _blocks(record):
         mask = np.zeros(len(record), dtype=bool)
         mask[block] = True
-        for equation in segment_equations(record.select(mask), plant.inputs):
+        for equation in segment_equations(_read_throughout(record.select(mask)), plant.inputs):
             parts.setdefault(equation.title, []).append((equation, block))
     parts = {title: found for title, found in parts.items() if len(found) >= FEWEST_BLOCKS}
     moved = {p for found in parts.values() for e, _ in found for p, c in e.columns.items() if np.ptp(c) > 0.0}
@@ -171,6 +173,18 @@ def _system(record: Record, plant: Plant) -> _System | None:
     starts = np.concatenate([r[2] for r in rows])
     group = np.repeat(np.arange(len(rows)), [len(r[1]) for r in rows])
     return _System(paths, tuple(parts), x, y, np.unique(starts, return_inverse=True)[1], group)
+
+
+def _read_throughout(block: Record) -> Record:
+    """A block without the channels that were not read for a while: between far readings, the motion is unknown."""
+    limit = near_limit(block.sample_interval)
+    lost = [
+        name
+        for name in block.names
+        if not channel(name).held
+        and np.diff(block.time[block.readings(name)], prepend=block.time[0], append=block.time[-1]).max() > limit
+    ]
+    return block.without(lost)
 
 
 def _blocks(record: Record) -> list[slice]:

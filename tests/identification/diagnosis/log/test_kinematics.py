@@ -146,6 +146,15 @@ def test_a_gliders_current_shows_against_its_track():
     assert any(path == "effects.current.east" or "effects.current.east" in m.tied for path, m in found.items())
 
 
+def test_what_was_not_read_for_a_while_is_not_compared(torpedo, clean):
+    """Four of ten seconds of a Doppler log are made up, and would look like its bias."""
+    lost = (clean.time % 10.0) > 6.0
+    values = clean["u_dvl_mps"] + 0.3 * lost
+    assert kinematic_findings(clean.with_channels({"u_dvl_mps": values}), torpedo).mismatches
+    told = clean.with_channels({"u_dvl_mps": values}).with_readings({"u_dvl_mps": ~lost})
+    assert not kinematic_findings(told, torpedo).mismatches
+
+
 @pytest.mark.parametrize("name, size", [("bias_q", 0.03), ("misalignment", 0.08), ("", 0.0)])
 def test_gyros_are_judged_by_turns_where_a_vehicle_goes_through_the_vertical(name, size):
     true = tumbler()
