@@ -89,6 +89,13 @@ class FirstLook:
         kept = [line for line in self.notes if line not in self.record.notes]
         return replace(self, record=record, notes=tuple(dict.fromkeys([*kept, *record.notes])))
 
+    def as_read(self, needs: Needs) -> Record | None:
+        """The record that a vehicle reads; None if it cannot, as where a channel is in another unit."""
+        try:
+            return None if self.known is None else assembled(self.known, needs)
+        except ValueError:
+            return None
+
     def uses(self, needs: Needs) -> set[str]:
         """The channels that a vehicle takes from the log, and those from which they are derived."""
         wanted = {*needs.required, *needs.wanted}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -25,6 +25,7 @@ class Matches:
 
     found: FirstLook
     needs: Mapping[str, Needs]
+    _records: dict[str, Record | None] = field(default_factory=dict)
 
     @cached_property
     def plants(self) -> dict[str, Plant]:
@@ -94,23 +95,10 @@ class Matches:
         return any(found for name in self.best for found in self.offers[name].values())
 
     def record_of(self, name: str) -> Record | None:
-        """The log as a diagnosis with a vehicle reads it: a command serves where its input was not measured."""
-        import numpy as np
-
-        from auv_gym.records.reading import command_for
-
-        record = self.own[name].record
-        if record is None:
-            return None
-        serving = {one: command_for(one) for one in self.needs[name].required if not record.has(one)}
-        serving = {one: command for one, command in serving.items() if record.has(command)}
-        if not serving:
-            return record
-        known = np.isfinite(record.matrix(list(serving.values()))).all(axis=1)
-        if not known.any():
-            return record
-        record = record.select(known)
-        return record.with_channels({one: record[command] for one, command in serving.items()})
+        """The log as a diagnosis with a vehicle reads it; None if it cannot be read so."""
+        if name not in self._records:
+            self._records[name] = self.found.as_read(self.needs[name])
+        return self._records[name]
 
     def unread(self, name: str) -> list[str]:
         """Lines on values that a diagnosis with a vehicle does not take for readings: repeated ones, and spikes."""
