@@ -88,16 +88,16 @@ def only_readings(record: Record, names: Sequence[str]) -> tuple[Record, list[st
             slower.append(name)
         elif again.any():
             lines.append(
-                f"{name} repeats one value for up to {longest:.3g} s, as a sensor that stands still: the repeated "
-                "values are not taken for readings."
+                f"{name} repeats one value for up to {longest:.3g} s, as a sensor that has failed: the repeated values "
+                "are ignored."
             )
         if spikes.any():
             lines.append(_spiked(name, record.time[spikes]))
     if slower:
         repeat = "repeats" if len(slower) == 1 else "repeat"
         lines.append(
-            f"{listed(slower)} {repeat} the last value in many rows, as slower sensors do: the repeated values are not "
-            "taken for readings."
+            f"{listed(slower)} {repeat} the last value in many rows, as slower sensors do: the repeated values are "
+            "ignored."
         )
     return (record.with_channels(values).with_readings(marks) if marks else record), lines
 
@@ -105,8 +105,8 @@ def only_readings(record: Record, names: Sequence[str]) -> tuple[Record, list[st
 def _spiked(name: str, times: np.ndarray) -> str:
     """A line on the single spikes of a channel at these times, s."""
     if times.size == 1:
-        return f"{name} has a single spike at {times[0]:.6g} s, which is not taken for a reading."
-    return f"{name} has {times.size:,} single spikes, the first at {times[0]:.6g} s: they are not taken for readings."
+        return f"{name} has a single spike at {times[0]:.6g} s, which is ignored."
+    return f"{name} has {times.size:,} single spikes, the first at {times[0]:.6g} s: they are ignored."
 
 
 def _among(rows: np.ndarray, segments: Sequence[slice]) -> list[slice]:

@@ -63,7 +63,7 @@ def test_it_says_which_values_a_diagnosis_takes_for_no_readings(tmp_path, capsys
     assert main(["look", str(path), "--vehicle", "slocum"]) == 0
     text = said(capsys)
     assert "heading_rad repeats the last value in many rows, as slower sensors do" in text
-    assert "heading_rad has a single spike at 400 s, which is not taken for a reading." in text
+    assert "heading_rad has a single spike at 400 s, which is ignored." in text
 
 
 def test_all_presets_are_compared_without_a_vehicle(log, capsys):

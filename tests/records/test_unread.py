@@ -91,10 +91,8 @@ def test_repeats_become_lines_between_readings_and_are_told():
     assert np.flatnonzero(~found.readings("depth_m")).tolist() == [50, *range(100, 160)]
     assert found["depth_m"][130] == pytest.approx(np.interp(13.0, [9.9, 16.0], [depth[99], depth[160]]))
     assert lines == [
-        "depth_m repeats one value for up to 6 s, as a sensor that stands still: the repeated values are not taken for "
-        "readings.",
-        "heading_rad repeats the last value in many rows, as slower sensors do: the repeated values are not taken for "
-        "readings.",
+        "depth_m repeats one value for up to 6 s, as a sensor that has failed: the repeated values are ignored.",
+        "heading_rad repeats the last value in many rows, as slower sensors do: the repeated values are ignored.",
     ]
     assert only_readings(found, ["heading_rad", "depth_m"]) == (found, [])
 
@@ -124,8 +122,8 @@ def test_spikes_are_told_and_replaced():
     assert np.flatnonzero(~found.readings("north_m")).tolist() == [200]
     assert found["north_m"][200] == pytest.approx(0.5 * (north[199] + north[201]))
     assert lines == [
-        "north_m has a single spike at 20 s, which is not taken for a reading.",
-        "depth_m has 3 single spikes, the first at 10 s: they are not taken for readings.",
+        "north_m has a single spike at 20 s, which is ignored.",
+        "depth_m has 3 single spikes, the first at 10 s: they are ignored.",
     ]
 
 

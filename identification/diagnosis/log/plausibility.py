@@ -11,11 +11,12 @@ import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.model import outputs_of
-from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.param import listed, replace_at, spec_at, value_at
 from auv_gym.physics.frames import velocity_ned
 from auv_gym.plant import Chart, Plant, Runs
 from auv_gym.records.attitude import ANGLES, STEEP, from_angles, turns
 from auv_gym.records.record import Record
+from auv_gym.records.suspicions import is_folded
 from identification.deciding import (
     ALONE,
     BAD,
@@ -131,7 +132,7 @@ def log_doubts(record: Record, plant: Plant, windows: Sequence[slice], settle: f
     declared = _match(fitted, plant, paths)
     stray = declared.stray
     if not stray and all(e <= POOR for e in declared.errors.values()):
-        return ()
+        return _scattered(record, plant)
     before = _match(judged, declared.plant)
     off = declared.telling(stray)
     suspects = [s for s in possible_slips(record, plant) if _concerned(s, plant, off) and _agreeing(s, record, plant)]
@@ -154,7 +155,19 @@ def log_doubts(record: Record, plant: Plant, windows: Sequence[slice], settle: f
         return (_doubt(found),)
     if min(declared.total, before.total) > FOREIGN:
         return (_foreign(plant, declared, before),)
-    return ()
+    return _scattered(record, plant)
+
+
+def _scattered(record: Record, plant: Plant) -> tuple[Doubt, ...]:
+    """A doubt if an angle jumps at random from sample to sample, which a fit would take for a very noisy sensor."""
+    names = tuple(
+        n for n in ("heading_rad", "roll_rad") if n in plant.outputs and record.has(n) and is_folded(record, n)
+    )
+    if not names:
+        return ()
+    text = f"{listed([channel(n).label for n in names])} jumps at random from one sample to the next"
+    mend = "check that each row has its own time, the unit, and that the samples are close enough to follow the turns"
+    return (Doubt(text, names, np.inf, mend),)
 
 
 @dataclass(frozen=True)

@@ -239,6 +239,16 @@ def test_degrees_taken_as_radians_are_unfolded(logs):
     assert np.abs(np.diff(error)).max() < np.radians(4.1 * np.pi)
 
 
+def test_a_log_whose_samples_have_the_times_of_others_is_doubted(logs):
+    """As far as a fit can tell, such a compass is merely very noisy."""
+    plant, record = logs["slocum"]
+    order = np.random.default_rng(0).permutation(len(record))
+    scattered = record.with_channels({name: record[name][order] for name in record.names})
+    (doubt,) = log_doubts(scattered, plant, ())
+    assert doubt.text == "heading jumps at random from one sample to the next"
+    assert not log_doubts(record, plant, ())
+
+
 @pytest.fixture(scope="module")
 def telegraphed():
     """A log with only rates and attitude, in which each thruster is moved separately."""
