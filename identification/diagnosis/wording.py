@@ -58,9 +58,11 @@ def _figures(limits: tuple[float, float], unit: str) -> int:
 
 
 def at_most(value: float, limits: tuple[float, float], neutral: float) -> str:
-    """The prefix "up to " for a size that is the end of its interval farther from neutral, or nothing."""
+    """The prefix "up to " or "down to " for a size that is the end of its interval farther from neutral, or nothing."""
     near = min(limits, key=lambda end: abs(end - neutral))
-    return "up to " if value in limits and abs(near - neutral) < abs(value - neutral) else ""
+    if value not in limits or abs(near - neutral) >= abs(value - neutral):
+        return ""
+    return "up to " if value > neutral else "down to "
 
 
 def sized(title: str, size: str, limits: str, *more: str) -> str:

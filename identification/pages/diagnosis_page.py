@@ -232,8 +232,8 @@ def _slow_words(d: Diagnosis) -> str:
     if not d.only_noise:
         return "show that the model is missing something"
     pushed = d.only_pushed or (d.noise is not None and bool(d.noise.swell))
-    means = "come from process noise here" if pushed else "do not show that anything is missing here"
-    return f"{means}, since one-step predictions leave only noise"
+    means = "come from process noise here" if pushed else "do not mean that anything is missing here"
+    return f"{means}: one sample ahead, the model misses by noise alone"
 
 
 def _errors(d: Diagnosis) -> list[dict[str, Any]]:
@@ -298,7 +298,7 @@ def _facts(d: Diagnosis) -> list[tuple[str, str, str]]:
         (str(sum(len(part) for part in d.windows)), "windows", f"free runs, in {_parts(d)} of the log"),
     ]
     if d.added:
-        rest = "; random accelerations make the rest" if d.only_pushed else ""
+        rest = "; random accelerations account for the rest" if d.only_pushed else ""
         facts.append((_explained(d), "explained", f"of the squared error of free runs above the sensors' noise{rest}"))
     return facts
 

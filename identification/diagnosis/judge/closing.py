@@ -54,7 +54,9 @@ def closed_loop(
     plant = stages["given"]
     targets = targets_of(plant, record)
     wanted = ", ".join(map(set_point_of, _targets(plant)))
-    reason = "" if targets else f"the log has no set points{f' ({wanted})' if wanted else ''}."
+    reason = "" if targets else f"the log has no set points ({wanted})."
+    if not wanted:
+        reason = f"no autopilot is known for {plant.name}."
     controller = None
     if not reason:
         try:
@@ -200,8 +202,8 @@ def _judged(name: str, record: Record, runs: Mapping[str, np.ndarray], log: str,
     else:
         told = f"{said['before']} {first} and {said['after']} {last}"
     words = (
-        f"In closed loop, the RMS error of {channel(name).label} was {quantity(_rms(logged), unit)} in {log}. The "
-        f"simulated loop differs from the logged one by {told}."
+        f"In {log}, the controller missed its set point of {channel(name).label} by {quantity(_rms(logged), unit)} "
+        f"(RMS). With the model in the vehicle's place, the loop differs from the logged one by {told}."
     )
     tracking = {stage: inf if np.isinf(runs[stage]).any() else _rms(e) for stage, e in errors.items()}
     return ClosedLoop(name, unit, _rms(logged), apart["given"], apart["before"], apart["after"], tracking, words)

@@ -72,9 +72,16 @@ def _sentence(d: Result) -> str:
     if d.verdict == "unexplained":
         kind = "constant" if unsteady_sentence(d) else "known"
         return f"The log and the model disagree, and no {kind} effect explains the difference.{_alike(d)}"
-    count = "an effect" if len(names) == 1 else f"{len(names)} effects"
+    missing = sum(e.coefficient is None for e in d.effects)
+    told = [f"is missing {_counted(missing, 'effect')}"] if missing else []
+    told += [f"has {_counted(len(names) - missing, 'wrong coefficient')}"] if missing < len(names) else []
     small = ", certain but small" if all(_most_changed(d, e)[0] < SLIGHT for e in d.effects) else ""
-    return f"The model is missing {count}{small}: {'; '.join(names)}."
+    return f"The model {' and '.join(told)}{small}: {'; '.join(names)}."
+
+
+def _counted(count: int, noun: str) -> str:
+    """A number of things; one has an article."""
+    return f"{count} {noun}s" if count > 1 else f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
 
 
 def _errs_more_than_sensors(d: Result) -> bool:
@@ -91,9 +98,13 @@ def likelier(e: Effect) -> list[Member]:
 
 
 def _with_likelier(e: Effect) -> str:
-    """A named effect with its size, after any causes that are more probable than it, with theirs."""
-    others = [sized(m.title, m.size, interval(m.ci95, m.unit)) for m in likelier(e)]
-    return ", or ".join([*others, e.told])
+    """A named effect with its size, after any causes that are more probable, with theirs; and a word on the others."""
+    others = likelier(e)
+    told = [*(sized(m.title, m.size, interval(m.ci95, m.unit)) for m in others), e.told]
+    more = len(e.members) - len(others)
+    if more:
+        told.append("a cause that acts alike" if more == 1 else "causes that act alike")
+    return ", or ".join(told)
 
 
 def _refitted_sentence(d: Result) -> str:

@@ -13,7 +13,7 @@ from auv_gym.model import Diverged, simulate
 from auv_gym.param import listed, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
-from auv_gym.records.suspicions import beyond_possible, is_folded, unit_instead
+from auv_gym.records.suspicions import beyond_possible, is_folded, units_instead
 
 KNOT = 1852.0 / 3600.0  # m/s
 _TURNED = (  # channels that are often logged with the opposite sign
@@ -68,7 +68,7 @@ _CLOCKS = ((2.0, "half"), (0.5, "twice"))
 class Slip:
     """One way in which a record may be wrong, and how to undo it.
 
-    factors: what to multiply each channel by.  exchanged: whether the two channels change places.  clock: what to
+    factors: what to multiply each channel by; empty if that is not certain.  exchanged: whether the two channels change places.  clock: what to
     multiply times by.  offset: added after the factors.  acts_on: the measured velocities by which the slip is judged,
     if it only affects those; empty for all signals.
     """
@@ -103,18 +103,24 @@ def impossible_units(record: Record, plant: Plant) -> Slip | None:
 
     It judges by the ranges that a first look at a log uses, and needs no simulation: several channels may be wrong at
     once.  The angles that a record unwraps are judged only beside others: a heading may count many turns.
+    Without factors if several units would make a channel possible.
     """
-    found: dict[str, tuple[float, str]] = {}
+    found: dict[str, tuple[tuple[float, str], ...]] = {}
     for name in (*plant.inputs, *plant.outputs, "depth_m", "pitch_rad"):
         if record.has(name) and name not in _UNWRAPPED:
             values = record[name][np.isfinite(record[name])]
             if name == "depth_m" and values.size and np.median(values) < 0.0:  # its sign may be wrong instead
                 continue
-            unit = unit_instead(name, values) if values.size and beyond_possible(name, values) else None
-            if unit is not None:
-                found[name] = unit[:2]
+            if values.size and beyond_possible(name, values):
+                units = units_instead(name, values, None)
+                found |= {name: tuple(unit[:2] for unit in units)} if units else {}
     if not found:
         return None
+    # a speed is compared with the depth and the pitch in their own units
+    mended = record.with_channels({name: of[0][0] * record[name] for name, of in found.items() if len(of) == 1})
+    for name in [name for name, of in found.items() if len(of) > 1]:
+        values = record[name][np.isfinite(record[name])]
+        found[name] = tuple(unit[:2] for unit in units_instead(name, values, mended))
     degrees_of = next((unit for name, unit in found.items() if channel(name).unit == "rad"), None)
     if degrees_of is not None:
         turned = {
@@ -122,14 +128,15 @@ def impossible_units(record: Record, plant: Plant) -> Slip | None:
             "roll_rad": lambda: "pitch_rad" in found and beyond_possible("pitch_rad", record["roll_rad"]),
         }
         found |= {name: degrees_of for name, wrong in turned.items() if record.has(name) and wrong()}
-    units = dict.fromkeys(found.values())
     texts, mends = [], []
-    for factor, unit in units:
-        names = [name for name, own in found.items() if own == (factor, unit)]
+    for units in dict.fromkeys(found.values()):
+        names = [name for name, own in found.items() if own == units]
         looks = "looks" if len(names) == 1 else "look"
-        texts.append(f"{listed(names)} {looks} like {unit}, not {channel(names[0]).unit}")
-        mends.append(f"multiply {listed(names)} by {factor:.6g}")
-    factors = tuple(factor for factor, _ in found.values())
+        texts.append(f"{listed(names)} {looks} like {' or '.join(u for _, u in units)}, not {channel(names[0]).unit}")
+        right = ", whichever is right" if len(units) > 1 else ""
+        mends.append(f"multiply {listed(names)} by {' or '.join(f'{factor:.6g}' for factor, _ in units)}{right}")
+    sure = all(len(units) == 1 for units in found.values())
+    factors = tuple(units[0][0] for units in found.values()) if sure else ()
     return Slip("; ".join(texts), "; ".join(mends), tuple(found), factors)
 
 

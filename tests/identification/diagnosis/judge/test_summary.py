@@ -290,7 +290,7 @@ def test_coefficients_that_surely_moved_are_said_unless_they_are_already():
 
 def test_a_size_at_the_far_end_of_its_interval_is_the_most_that_it_may_be():
     current = Effect("effects.water.current", "current", -8.31e-5, 0.0, "1/s", (-8.31e-5, 0.0), 17.0, 15.0)
-    assert current.told == "current, up to -8.31e-05 1/s (95 % interval -8.31e-05 to 0 1/s)"
+    assert current.told == "current, down to -8.31e-05 1/s (95 % interval -8.31e-05 to 0 1/s)"
     for limits in ((-9e-5, 0.0), (-8.31e-5, -8.31e-5), (-9e-5, -8.31e-5)):
         assert "up to" not in replace(current, ci95=limits).told
     gain = Member("effects.rudder.gain", "rudder gain", 0.3, 1.2, 1.0, "1", (1.1, 1.2))
