@@ -181,6 +181,11 @@ def elapsed_over_gaps(record: Record) -> np.ndarray:
     return time - begun
 
 
+def elapsed_in(record: Record) -> np.ndarray:
+    """The time that effects which grow with time count, s, shape (n,): the record's own, or `elapsed_over_gaps`."""
+    return record["elapsed_s"] if record.has("elapsed_s") else elapsed_over_gaps(record)
+
+
 def outputs_of(model: Model, record: Record) -> np.ndarray:
     """The record's outputs in the model's order, shape (n, n_outputs), NaN if a channel was not measured."""
     missing = np.full(record.time.size, np.nan)

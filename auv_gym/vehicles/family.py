@@ -112,6 +112,8 @@ class Family:
     # parameter at `shared_unless` is not zero
     shared: Mapping[str, str] = field(default_factory=dict)
     shared_unless: str = ""
+    # effects that add up over the time since the log began, each with the one that equals what has added up
+    adding: Mapping[str, str] = field(default_factory=dict)
     # effects whose size may differ between the dives of a log, if the evidence requires it
     by_dive: tuple[str, ...] = ()
     # inputs that change occasionally; free runs go from one change to the next
@@ -132,6 +134,8 @@ class Family:
 
     # whether internal waves, with periods of minutes, carry it up and down
     carried: bool = False
+    # positions that water which moves at random changes, beside the velocities
+    drifting: tuple[str, ...] = ("north_m", "east_m")
 
     # coefficients that only dissipate energy: if negative, they stay so in fits; otherwise runs would drive themselves
     dissipating: frozenset[str] = frozenset()

@@ -274,6 +274,7 @@ GLIDE = Family(
     },
     shared={"volume_m3": "effects.volume.offset"},
     shared_unless="hull.trim_known",
+    adding={"effects.volume.leak": "effects.volume.offset"},
     by_dive=("effects.volume.air", "effects.volume.offset"),
     carried=True,
     interpolated=("buoyancy_volume_m3", "temperature_C", "pitch_rad", "heading_rad", "density_kgpm3"),

@@ -266,9 +266,11 @@ FLOAT_PISTON = Family(
         "temperature_C": (-5.0, 60.0),
     },
     afloat=1.0,
+    drifting=("depth_m",),
     measured={"effects.water.gradient": "density_kgpm3"},
     shared={"volume_m3": "effects.volume.offset"},
     shared_unless="hull.trim_known",
+    adding={"effects.volume.leak": "effects.volume.offset"},
     view=view_as(record_type(FloatParameters), "float"),
     hooks=RightHandSide(
         derivative=derivative,

@@ -117,7 +117,9 @@ def compare_missions(
     log, edge = joined_sides({BEFORE: before, AFTER: after}, plant, Asked(most=most, doubt=doubt, trust=trust))
     may = Changeable.of(plant, log.record, doubt)
     courses = {BEFORE: Course((edge,), (1.0, 0.0)), AFTER: Course((edge,), (0.0, 1.0))}
-    changing = ChangingPlant.of(log.plant, {BEFORE: may.paths, AFTER: [*may.coefficients, *may.paths]}, courses)
+    changing = ChangingPlant.of(
+        log.plant, {BEFORE: may.paths, AFTER: [*may.coefficients, *may.paths]}, courses, log.record
+    )
     known = fit_known(replace(log, plant=changing), progress)
     alone = [*may.refitted(known), *may.effects]
     candidates = [

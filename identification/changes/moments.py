@@ -207,7 +207,9 @@ def _with_steps(bench: Workbench, state: State, paths: Sequence[str], rows: Sequ
     """The bench and the state with steps of parameters at these rows, all still zero; `from7` is one at row 7."""
     courses = {f"{FROM}{row}": Course((row,), (0.0, 1.0)) for row in rows}
     problem, timed = copy(bench.problem), copy(bench)
-    problem.plant = plant = ChangingPlant.of(bench.plant, {form: list(paths) for form in courses}, courses)
+    problem.plant = plant = ChangingPlant.of(
+        bench.plant, {form: list(paths) for form in courses}, courses, bench.record
+    )
     problem.index = positions(plant)
     timed.problem, timed.plant = problem, plant
     here = replace_at(plant, {p: value_at(state.plant, p) for p in state.paths})

@@ -86,7 +86,7 @@ def find_onsets(
     parts, edges = _interleaved(log)
     courses = courses_of(edges, len(may.effects))
     own = {name: paths_of(name, may) for name in courses}
-    changing = ChangingPlant.of(log.plant, own, courses)
+    changing = ChangingPlant.of(log.plant, own, courses, log.record)
     known = fit_known(replace(log, plant=changing, parts=parts), progress)
     forms = [Forms.of(c, courses, k) for k, c in enumerate(may.effects)]
     forms += [Forms.of(c, courses) for c in may.refitted(known)]
@@ -103,7 +103,8 @@ def _interleaved(log: CheckedLog) -> tuple[tuple[Part, ...], list[int]]:
     stretches = sorted((piece for part in log.parts for piece in part), key=lambda w: w.start)
     rows = np.concatenate([np.arange(w.start, w.stop) for w in stretches])
     block = block_numbers(log.record, stretches, BLOCKS)
-    cuts = np.flatnonzero((np.diff(block) != 0) | (np.diff(rows) != 1)) + 1
+    begins = np.isin(rows[1:], [w.start for w in stretches])  # also where the rows go on, across a gap in time
+    cuts = np.flatnonzero((np.diff(block) != 0) | begins) + 1
     parts: list[list[slice]] = [[] for _ in range(MOST_PARTS)]
     for piece in np.split(np.arange(rows.size), cuts):
         parts[block[piece[0]] % MOST_PARTS].append(slice(int(rows[piece[0]]), int(rows[piece[-1]]) + 1))

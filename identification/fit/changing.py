@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from auv_gym.model import elapsed_in
 from auv_gym.param import Spec, list_paths, part, positions, replace_at, spec_at, value_at
 from auv_gym.plant import Correction, Plant, Runs
+from auv_gym.records.record import Record
 
 CHANGES = "changes"
 _SHARE = 0.1  # of a coefficient's value: the step size of a fit for its change
@@ -37,6 +39,11 @@ class Course:
         """The share at each of some rows."""
         return np.array(self.shares)[np.searchsorted(self.edges, rows, side="right")]
 
+    def beyond(self, row: int, elapsed: np.ndarray) -> float:
+        """The share at a row times the time since the log began, beyond the sum of the shares over that time, s."""
+        steps = np.diff(self.shares)
+        return float(sum(step * elapsed[edge] for edge, step in zip(self.edges, steps, strict=True) if edge <= row))
+
     def of(self, whole: Course) -> Course:
         """The product with another course, for a change of a change that itself acts by that other course."""
         edges = sorted({*self.edges, *whole.edges})
@@ -50,13 +57,25 @@ class ChangingPlant(Plant):
     Their paths are `changes.FORM.PATH`; zero is no change.  The changed parameter may itself be a change, in a form of
     its own.
     courses: of the forms, by name.  The changed value stays within the bounds of the parameter.
+    elapsed: (n,), s, the time that effects which add up over time count, at each row; None if it begins anew within the
+    record, so that they do, too.
     """
 
     courses: Mapping[str, Course] = field(default_factory=dict, hash=False)
+    elapsed: np.ndarray | None = field(default=None, compare=False)
 
     @classmethod
-    def of(cls, plant: Plant, paths: Mapping[str, Sequence[str]], courses: Mapping[str, Course]) -> ChangingPlant:
-        """The plant with changes of these paths, by form, in addition to those that it has."""
+    def of(
+        cls,
+        plant: Plant,
+        paths: Mapping[str, Sequence[str]],
+        courses: Mapping[str, Course],
+        record: Record | None = None,
+    ) -> ChangingPlant:
+        """The plant with changes of these paths, by form, in addition to those that it has, along a record."""
+        elapsed = None if record is None else elapsed_in(record)
+        if elapsed is not None and (np.diff(elapsed) < 0.0).any():
+            elapsed = None
         specs = {
             f"{form}.{path}": _spec(plant, path, courses[form].name) for form, own in paths.items() for path in own
         }
@@ -64,13 +83,14 @@ class ChangingPlant(Plant):
         if isinstance(plant, ChangingPlant):
             kept = {path: value_at(plant, path) for path in plant.changes}
             specs = {path.removeprefix(f"{CHANGES}."): spec_at(plant, path) for path in kept} | specs
+            elapsed = plant.elapsed if elapsed is None else elapsed
             plant, courses = plant.plain, {**plant.courses, **courses}
         tree = plant.parameters
         group = _group("Changes", specs)
         kind = make_dataclass("Changing", [(CHANGES, group, part(group))], bases=(type(tree),), frozen=True)
         parameters = kind(**{f.name: getattr(tree, f.name) for f in fields(tree)})
         given = {f.name: getattr(plant, f.name) for f in fields(Plant)} | {"parameters": parameters}
-        return replace_at(cls(**given, courses=dict(courses)), kept)
+        return replace_at(cls(**given, courses=dict(courses), elapsed=elapsed), kept)
 
     @property
     def changes(self) -> list[str]:
@@ -165,7 +185,8 @@ class _Layout:
     """Which parameters change, and when.
 
     first: position of the first change in the vector.  index: (K,), position of the parameter that each one changes;
-    changed: their paths.  low, high: (K,), their bounds.  courses: one for each.
+    changed: their paths.  low, high: (K,), their bounds.  courses: one for each.  added: (K,), position of the
+    parameter that equals what has added up over the time before each edge, -1 for none.  elapsed: see `ChangingPlant`.
     """
 
     first: int
@@ -174,12 +195,15 @@ class _Layout:
     high: np.ndarray
     changed: frozenset[str]
     courses: tuple[Course, ...]
+    added: np.ndarray
+    elapsed: np.ndarray | None
 
     @classmethod
     def of(cls, plant: ChangingPlant) -> _Layout:
         places, names = positions(plant), plant.changes
         split = [_resolved(plant, name) for name in names]
         bounds = [spec_at(plant, path).bounds for _, path in split]
+        adding = plant.family.adding if plant.elapsed is not None else {}
         return cls(
             len(places) - len(names),
             np.array([places[path] for _, path in split], dtype=int),
@@ -187,6 +211,8 @@ class _Layout:
             np.array([high for _, high in bounds]),
             frozenset(path for _, path in split),
             tuple(course for course, _ in split),
+            np.array([places[adding[path]] if path in adding else -1 for _, path in split], dtype=int),
+            plant.elapsed,
         )
 
     def edges(self, vectors: np.ndarray) -> list[int]:
@@ -203,6 +229,9 @@ class _Layout:
             found[:, self.index[k]] += self.courses[k].at(row) * sizes[:, k]
         at = self.index[moved]
         found[:, at] = np.clip(found[:, at], self.low[moved], self.high[moved])
+        if self.elapsed is not None:
+            for k in moved[self.added[moved] >= 0]:
+                found[:, self.added[k]] += self.courses[k].beyond(row, self.elapsed) * sizes[:, k]
         return np.ascontiguousarray(found)
 
 

@@ -116,11 +116,11 @@ class Stretches(Parameters):
         return np.where(durations > 0.0, durations, self.plant.dt)
 
     def _kicks(self) -> None:
-        """Choose the states that accelerations push: velocities, and measured north and east positions."""
+        """Choose the states that accelerations push: velocities, and measured positions of `Family.drifting`."""
         family = self.plant.family
         resting = family.resting(self.channels)
         names = [n for n in family.states if _is_velocity(n) and n not in resting]
-        names += [n for n in ("north_m", "east_m") if n in family.states and n in self.channels]
+        names += [n for n in family.drifting if n in family.states and n in self.channels]
         self.driven = driven_states(self.plant, self.record, self.chart, self.channels)
         self.resting = np.array([n in resting and n not in self.driven for n in family.states])
         self.pushed = tuple(names) if self.process else ()
@@ -164,6 +164,7 @@ class Stretches(Parameters):
         self.live = free[_seen(a, c)]
         self._push_what_lasts(set(self.live.tolist()))
         kept = np.isin(self._pushed, self.live)
+        kept &= np.isin(np.arange(len(kept)), np.unique(self._pushed, return_index=True)[1])  # each state once
         self.pushed = tuple(n for n, k in zip(self.pushed, kept, strict=True) if k)
         self._pushed, self.kicks = self._pushed[kept], self.kicks[kept]
         drop = self._size + np.flatnonzero(~kept)

@@ -291,6 +291,10 @@ def test_bad_logs_are_refused_with_what_was_needed_and_what_came(tmp_path):
         diagnose(log.between(0.0, 100.0), plant)
     with pytest.raises(ValueError, match=r"Samples are .* apart, so that a window of .* holds only"):
         diagnose(log, plant, window=20.0, settle=4.0)
+    with pytest.raises(ValueError, match="doubt needs a number of at least 0, got 'x'"):
+        diagnose(log, plant, doubt="x")
+    with pytest.raises(ValueError, match=r"diagnose needs a record, got 'mission.csv': read_record\('mission.csv'\)"):
+        diagnose("mission.csv", plant)
     with pytest.raises(ValueError, match="less than half a window"):
         diagnose(log, plant, settle=90.0)
     if os.geteuid() != 0:

@@ -26,7 +26,7 @@ def with_own_effects(log: CheckedLog, paths: Sequence[str]) -> CheckedLog | None
     if len(logs) < 2 or len(parts) < 2:
         return None
     courses = _courses(logs)
-    plant = ChangingPlant.of(log.plant, {form: list(paths) for form in courses}, courses)
+    plant = ChangingPlant.of(log.plant, {form: list(paths) for form in courses}, courses, log.record)
     runs = [windows_of(log.record, part, log.window) for part in parts]
     if not all(runs):
         return None

@@ -182,11 +182,11 @@ def _moved(plant: Plant, record: Record) -> int:
 def periods_of(record: Record) -> np.ndarray:
     """Periods, s, that a record can show: from its length down to four samples, half a resolution apart.
 
-    At most the `MOST_PERIODS` longest.  None if a record has several segments: the phase in each is unknown.
+    At most the `MOST_PERIODS` longest.  None for several logs or dives: the phase in each is unknown.
     """
-    if len(record.segments) > 1:
+    if len(set(record.labels)) > 1 or (np.diff(record.time) < 0.0).any():
         return np.empty(0)
-    lowest, highest = 1.0 / record.duration_s, 0.25 / record.sample_interval
+    lowest, highest = 1.0 / np.ptp(record.time), 0.25 / record.sample_interval
     count = max(int((highest - lowest) / (0.5 * lowest)) + 1, 2)
     if count <= MOST_PERIODS:
         return 1.0 / np.linspace(lowest, highest, count)
@@ -249,7 +249,7 @@ def _best_setting(regression: Regression, candidate: Candidate, point: Point) ->
     settings = settings_of(problem.plant, problem.record, candidate)
     if not settings.size:
         size = len(candidate.paths)
-        unseen = "its phase is not known from one segment to the next"
+        unseen = "its phase is not known from one log to the next"
         return Screening(candidate, np.zeros(size), 0.0, 0.0, np.full(size, np.inf), unseen)
     found = []
     for setting in settings:

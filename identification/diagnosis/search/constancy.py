@@ -207,7 +207,7 @@ def _changed(
     """
     problem, changing = copy(bench.problem), copy(bench)
     moving = {form: [p for p, own in forms.items() if any(form in some for some in own)] for form in courses}
-    problem.plant = plant = ChangingPlant.of(bench.plant, moving, courses)
+    problem.plant = plant = ChangingPlant.of(bench.plant, moving, courses, bench.record)
     problem.index = positions(plant)
     changing.plant, changing.problem = plant, problem
     here = replace_at(plant, {p: value_at(state.plant, p) for p in state.paths})
@@ -296,6 +296,8 @@ def _soon(
     problem.keep_columns(near, moves, bench.problem.columns_of(state.point, moves))
     answered = bench.problem.prepared(state.point, state.paths)
     for form, paths in moving.items():
+        # what has added up is no share of a response
+        paths = [p for p in paths if p not in bench.plant.family.adding]
         columns = bench.problem.changing_slopes(answered, paths, courses[form].over(problem.rows))
         if columns is None:
             return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from scipy.stats import chi2
@@ -60,8 +61,9 @@ class _Tried:
 def dependence(bench: Workbench, state: State) -> Dependence | None:
     """The most significant dependence of the random accelerations on a signal, None if there is none.
 
-    A push that follows a signal is no noise.  The laws are steps and ramps at eighths of the signal's range, its square
-    and its size, harmonics of an angle, switches with hysteresis, and the direction of the last motion.  Each is tried
+    A push that follows a signal is no noise.  The laws are steps and ramps at eighths of the signal's range, bands
+    between two of these (a layer of water that moves), its square and its size, harmonics of an angle, switches with
+    hysteresis, and the direction of the last motion.  Each is tried
     as an acceleration of each velocity, by regression.  The evidence is the smaller of that with errors of equal size
     and that with errors of any size (White 1980, Econometrica 48), so that errors that are merely larger at times show
     nothing.  If no law is significant, the likeliest ones are weighed with noises of their own, see `beside_noise.py`.
@@ -198,6 +200,7 @@ def laws_of(
     edges = np.quantile(values, np.arange(1, pieces) / pieces)
     present += [(values > edge).astype(float) for edge in edges]
     present += [np.maximum(values - edge, 0.0) / unit for edge in edges[1::2]]
+    present += [((low < values) & (values <= high)).astype(float) for low, high in combinations(edges, 2)]
     for size in (values, np.abs(values))[: 1 + signed]:
         edges = np.quantile(size, np.arange(1, pieces) / pieces)
         past += [_switched(size, low, high, begins) for low, high in zip(edges[:-2:2], edges[2::2], strict=True)]

@@ -1,14 +1,16 @@
 """Tests of the time at which an effect begins within a log."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
+from auv_gym.records.record import Record
 from identification.changes import onset, promising_times, search_in_time
-from identification.changes.onset import _throughout, find_onsets
+from identification.changes.onset import _interleaved, _throughout, find_onsets
 from identification.changes.wording import timeline_summary
 from identification.diagnosis.log.checking import Asked, check_log
 from identification.diagnosis.search.known import Known, fit_known
@@ -141,6 +143,19 @@ def test_a_constant_effect_acts_throughout_and_keeps_its_ties(size, seed):
 
 
 @pytest.mark.slow
+def test_parts_of_a_log_with_a_gap_end_at_it():
+    """Rows go on across a gap in time, and a piece of a part must not."""
+    time = np.r_[0.0:150.0, 190.0:340.0]
+    log = Record.from_arrays(time, {"heading_rad": np.zeros(300)}).split_gaps(10.0)
+    assert len(log.segments) == 2
+    checked = SimpleNamespace(record=log, parts=((slice(0, 150),), (slice(150, 300),)))
+    parts, edges = _interleaved(checked)  # type: ignore[arg-type]
+    pieces = [piece for part in parts for piece in part]
+    assert not any(piece.start < 150 < piece.stop for piece in pieces)
+    assert sorted(k for piece in pieces for k in range(piece.start, piece.stop)) == list(range(300))
+    assert len(edges) == 23
+
+
 def test_a_clean_log_has_no_time():
     plant = load_vehicle("slocum")
     found = find_onsets(closed_loop(plant, rng=np.random.default_rng(6), duration=800.0), plant)

@@ -106,8 +106,15 @@ def test_the_controller_acts_on_the_noisy_compass():
 
 def test_what_cannot_be_run_is_refused():
     plant = load_vehicle("slocum")
-    with pytest.raises(ValueError, match="at least one sample"):
+    with pytest.raises(ValueError, match=r"^duration must be at least one sample \(4 s\), got 2 s\.$"):
         record_of(plant, duration=2.0)
+    for name, words in (
+        ("duration", "above 0 in s"),
+        ("bit_time", "above 0 in s"),
+        ("rudder_excitation", "at least 0"),
+    ):
+        with pytest.raises(ValueError, match=f"{name} needs a number .*{words}, got 'x'"):
+            record_of(plant, **{name: "x"})
     unstable = replace(replace_at(plant, {"hull.heading_stiffness": 1.0, "effects.yaw.moment": 1.0}), dt=10.0)
     with pytest.raises(Diverged, match="not finite at"):
         record_of(unstable, duration=50_000.0)

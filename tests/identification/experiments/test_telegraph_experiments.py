@@ -124,7 +124,8 @@ def test_signals_take_a_share_of_the_authority_where_that_does_not_carry_the_veh
         ({"amplitude": 1.5}, "amplitude from 0 to 1"),
         ({"axes": ["heave_N"], "measured": "attitude"}, "cannot excite 'heave_N'"),
         ({"dwell": 0.01}, "dwell_s above one sample"),
-        ({"duration": 0.01}, "of at least two samples"),
+        ({"duration": 0.01}, r"^duration must be at least two samples \(0.1 s\), got 0.01 s\.$"),
+        ({"duration": "x"}, "duration needs a number above 0 in s, got 'x'"),
     ],
 )
 def test_what_cannot_be_flown_is_refused(settings, words):

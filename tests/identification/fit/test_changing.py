@@ -8,6 +8,7 @@ from auv_gym.plant import Runs, load_vehicle
 from auv_gym.plant.rollout import bind_family
 from identification.experiments.float_dives import oil_mission
 from identification.experiments.heading_control import closed_loop
+from identification.experiments.missions import run_mission
 from identification.fit.changing import ChangingPlant, Course, change, changed, named_when
 from identification.fit.prediction_errors import PredictionErrors
 
@@ -49,6 +50,28 @@ def errors_of(plant, record, values, near=None, stride=1):
     problem = PredictionErrors(plant, record, record.segments, stride=stride)
     point = problem.point(plant.vector, problem.first_noise()) if near is None else near
     return problem.with_gains(point, replace_at(plant, values).vector).errors, point
+
+
+@pytest.mark.parametrize("shares", [(0.0, 1.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.3)])
+def test_what_has_leaked_in_stays_and_what_has_not_is_not_there_at_once(shares):
+    """The reference counts the time only while it leaks, and always within a sample: it errs by a third of a second."""
+    plant = load_vehicle("qiandao_float")
+    record = run_mission(plant, np.random.default_rng(3), duration=120.0)
+    edges, rate = (len(record) // 3, len(record) // 2), 3e-8
+    course = Course(edges, shares)
+    changing = ChangingPlant.of(plant, {"amid": [LEAK]}, {"amid": course}, record)
+    leaking = np.r_[0.0, course.over(np.arange(len(record)))[:-1]]  # over the interval before each row
+    counted = record.with_channels({"elapsed_s": np.cumsum(np.diff(record.time, prepend=0.0) * leaking)})
+
+    def depths(plant, record, values):
+        runs, start = Runs.over(plant, record, record.segments), np.array([[[10.0, 0.0, 0.0]]])
+        return plant.run_many(runs, replace_at(plant, values).vector[None], start)[0, :, 0]
+
+    wanted = depths(plant, counted, {LEAK: rate})
+    np.testing.assert_allclose(depths(changing, record, {change("amid", LEAK): rate}), wanted, atol=2e-3)
+    assert np.abs(wanted - depths(plant, record, {})).max() > 0.1
+    at_once = ChangingPlant.of(plant, {"amid": [LEAK]}, {"amid": course})
+    assert np.abs(depths(at_once, record, {change("amid", LEAK): rate}) - wanted).max() > 0.1
 
 
 @pytest.mark.parametrize("stride", [1, 7])

@@ -307,3 +307,17 @@ def test_the_likeliest_strength_is_found_without_trying_all(peak, monkeypatch):
     found = problem._likeliest(problem._first_system, problem._without(logs, [0]), [0], problem._guesses)
     assert np.exp(found[first]) == pytest.approx(peak * unit)
     assert len(tried) <= 7  # with the noises as they were
+
+
+def test_water_that_carries_a_float_up_and_down_is_found_as_such():
+    """It moves the float at once, and its acceleration, which drag soon ends, would have to be far stronger."""
+    plant, rate, tau = load_vehicle("qiandao_float"), 0.01, 30.0
+    log = run_mission(plant, np.random.default_rng(3), duration=240.0)
+    rng, decay, water = np.random.default_rng(4), np.exp(-log.sample_interval / tau), np.zeros(len(log))
+    for k in range(1, len(log)):
+        water[k] = decay * water[k - 1] + rate * np.sqrt(1.0 - decay**2) * rng.standard_normal()
+    carried = log.with_channels({"depth_m": log["depth_m"] + log.sample_interval * np.cumsum(water)})
+    problem = PredictionErrors(plant, carried, whole(carried))
+    found = problem.noise_at(problem.solve(plant, plant.family.coefficients)).process
+    assert rate / 1.6 < found["depth_m"][0] < 1.6 * rate
+    assert 10.0 < found["depth_m"][1] < 90.0

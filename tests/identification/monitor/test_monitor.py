@@ -171,8 +171,17 @@ def test_a_monitor_in_an_environment_of_another_vehicle_or_step_is_refused(slocu
 
 
 def test_a_monitor_says_what_it_needs(slocum, clean):
-    with pytest.raises(ValueError, match="false_alarms_per_hour > 0, got 0"):
-        Monitor.learn(clean, slocum, noise=NOISE, false_alarms_per_hour=0)
+    for rate in (0, "x"):
+        with pytest.raises(ValueError, match=f"false_alarms_per_hour needs a number above 0 in 1/h, got {rate!r}"):
+            Monitor.learn(clean, slocum, noise=NOISE, false_alarms_per_hour=rate)
+    with pytest.raises(ValueError, match="doubt needs a number of at least 0, got 'x'"):
+        Monitor.learn(clean, slocum, noise=NOISE, doubt="x")
+    with pytest.raises(ValueError, match=r"Monitor.learn needs a vehicle, got 'slocum': give load_vehicle\('slocum'\)"):
+        Monitor.learn(clean, "slocum", false_alarms_per_hour=1)
+    with pytest.raises(
+        ValueError, match=r"Monitor.learn needs a record, got 'log.nc': read_record\('log.nc'\) reads it"
+    ):
+        Monitor.learn("log.nc", slocum)
     with pytest.raises(ValueError, match="at least 200 samples, got"):
         Monitor.learn(clean.select(clean.time < 400.0), slocum, noise=NOISE)
     monitor = Monitor.learn(clean, slocum, noise=NOISE)
@@ -180,6 +189,8 @@ def test_a_monitor_says_what_it_needs(slocum, clean):
         monitor.step(np.zeros(1), np.zeros(1))
     with pytest.raises(ValueError, match="at least two samples, got 0"):
         monitor.stretch()
+    with pytest.raises(ValueError, match=r"A monitor needs a record, got 'log\.nc'"):
+        monitor.run("log.nc")
     for duration in (0.0, -4.0, np.nan, 1e9):
         with pytest.raises(ValueError, match="seconds since the last sample"):
             monitor.step(np.zeros(len(slocum.inputs)), np.zeros(len(slocum.outputs)), duration)

@@ -313,7 +313,7 @@ def test_shades_alternate_by_part(diagnosis):
 @pytest.mark.parametrize("missing", ["matplotlib", "jinja2"])
 def test_without_the_extra_the_error_says_what_to_install(diagnosis, monkeypatch, missing):
     monkeypatch.setitem(sys.modules, missing, None)
-    with pytest.raises(ImportError, match=rf"{missing} is not installed: pip install 'auv-gym\[render\]'"):
+    with pytest.raises(ImportError, match=rf"{missing} is not installed; .*: pip install '\.\[render\]'"):
         diagnosis_page(diagnosis)
 
 

@@ -114,6 +114,22 @@ def test_a_short_log_has_shorter_windows(duration, window):
             check_log(record, plant, Asked(window=120.0))
 
 
+@pytest.mark.parametrize(
+    "settings, words",
+    [
+        ({"window": "x"}, "window needs a number above 0 in s, got 'x'"),
+        ({"window": 0}, "window needs a number above 0 in s, got 0"),
+        ({"settle": -1.0}, "settle needs a number of at least 0 in s, got -1.0"),
+        ({"seed": "x"}, "seed needs a whole number of at least 0, got 'x'"),
+        ({"most": 0}, "most needs a whole number of at least 1, got 0"),
+        ({"doubt": "x"}, "doubt needs a number of at least 0, got 'x'"),
+    ],
+)
+def test_settings_that_are_no_such_numbers_are_refused(settings, words):
+    with pytest.raises(ValueError, match=words):
+        Asked(**settings)
+
+
 def test_a_log_too_short_for_windows_of_half_the_length_is_refused():
     plant = load_vehicle("slocum")
     record = run_mission(plant, np.random.default_rng(1), duration=200.0)

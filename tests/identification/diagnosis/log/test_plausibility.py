@@ -71,7 +71,7 @@ def test_a_slip_is_named_and_can_be_undone(logs, vehicle, text):
 
 def test_units_that_make_values_impossible_are_named_together_and_first(logs):
     plant, record = logs["slocum"]
-    angles = ("rudder_rad", "pitch_rad", "heading_rad")
+    angles = ("rudder_rad", "heading_rad")
     given = {name: np.degrees(record[name]) for name in angles} | {"u_mps": 100.0 * record["u_mps"]}
     wrong = Record.from_arrays(record.time, {name: record[name] for name in record.names} | given)
     (doubt,) = doubts(wrong, plant)
@@ -82,6 +82,19 @@ def test_units_that_make_values_impossible_are_named_together_and_first(logs):
     mended = undone(wrong, doubt.slip, plant)
     for name in ("rudder_rad", "u_mps"):  # the angles were unwrapped as radians
         assert mended[name] == pytest.approx(record[name])
+
+
+@pytest.mark.parametrize("factor, unit", [(1000.0, "millimetres"), (100.0, "centimetres")])
+def test_the_unit_of_a_depth_follows_from_speed_and_pitch_and_is_left_open_without_them(logs, factor, unit):
+    plant, record = logs["slocum"]
+    wrong = record.with_channels({"depth_m": factor * (record["depth_m"] + 200.0)})
+    slip = impossible_units(wrong, plant)
+    assert slip.text == f"depth_m looks like {unit}, not m"
+    assert slip.factors == (1.0 / factor,)
+    slip = impossible_units(wrong.without(["u_mps"]), plant)
+    assert slip.text == "depth_m looks like centimetres or millimetres, not m"
+    assert slip.mend == "multiply depth_m by 0.01 or 0.001, whichever is right"
+    assert not slip.factors
 
 
 def test_an_angle_that_counts_turns_is_no_slip_of_units(logs):

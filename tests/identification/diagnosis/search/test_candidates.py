@@ -141,7 +141,7 @@ def test_a_gain_is_screened_on_both_sides_of_a_stop(monkeypatch):
     assert screened().evidence < 1.0
 
 
-def test_a_period_is_sought_and_counted_and_has_no_phase_over_segments():
+def test_a_period_is_sought_and_counted():
     plant = load_vehicle("qiandao_float")
     paths = ("effects.water.heave_sin", "effects.water.heave_cos", "effects.water.heave_period")
     true = replace_at(plant, {paths[0]: 0.02, paths[2]: 300.0})
@@ -154,6 +154,14 @@ def test_a_period_is_sought_and_counted_and_has_no_phase_over_segments():
     assert found.setting == pytest.approx(300.0, rel=0.2)
     assert found.evidence > BAR
     assert value_at(state.plant, paths[2]) != found.setting
+
+
+def test_a_wave_goes_on_across_a_gap_but_not_from_one_log_to_the_next():
+    time = np.r_[0:100, 140:240].astype(float)
+    one = Record.from_arrays(time, {"depth_m": np.sin(time)}, np.repeat([0, 0], 100)).split_gaps(10.0)
+    assert len(one.segments) == 2
+    assert periods_of(one).max() == pytest.approx(239.0)
+    assert periods_of(one.with_labels(["first", "second"])).size == 0
 
 
 def test_periods_go_from_the_records_length_to_four_samples():

@@ -59,6 +59,13 @@ def test_the_level_is_shared_by_all_that_is_tried(clean, monkeypatch):
     assert false == 0  # 12 at 0.5 % each
 
 
+def test_a_layer_between_two_depths_is_a_law():
+    depth = np.abs(np.linspace(-80.0, 80.0, 400))
+    layer = ((depth > 20.0) & (depth <= 50.0)).astype(float)
+    present, _ = laws_of("depth_m", depth, np.arange(400) == 0, 8)
+    assert any(np.array_equal(law, layer) for law in present)
+
+
 def test_only_what_pushes_a_vehicle_with_many_states_is_asked_for(lopsided, monkeypatch):
     bench, state = lopsided
     monkeypatch.setattr(module, "FEW_STATES", 0)
