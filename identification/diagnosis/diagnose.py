@@ -8,10 +8,9 @@ from time import perf_counter
 from typing import TypeVar
 
 from auv_gym.model import Diverged
-from auv_gym.param import check_count
 from auv_gym.plant import Plant, check_vehicle
 from auv_gym.plant.record_check import described
-from auv_gym.records.record import Record
+from auv_gym.records.record import Record, check_record
 from identification.deciding import DOUBT, MOST_EFFECTS
 from identification.diagnosis.extras import Extras
 from identification.diagnosis.judge.judging import judge
@@ -62,9 +61,7 @@ def diagnose(
         ('named', ['effects.rudder.offset'])
     """
     check_vehicle("diagnose", plant)
-    if not isinstance(record, Record):
-        raise ValueError(f"diagnose needs a record, got a {type(record).__name__}: join several with concat.")
-    check_count("most", most)
+    check_record("diagnose", record)
     asked, seconds = Asked(window, settle, seed, most, doubt, trust), dict[str, float]()
 
     def timed(step: str, run: Callable[[], T]) -> T:

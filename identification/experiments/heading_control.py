@@ -65,6 +65,7 @@ def closed_loop(
             f"closed_loop needs a vehicle of family 'glider', got {plant.name!r} ({plant.family.name!r}): step "
             "this one in an environment, such as gymnasium.make('auv_gym/Heading-v0', vehicle=...)."
         )
+    check_number("duration", duration, "s", above=0.0)
     check_number("run_in", run_in, "s", at_least=0.0)
     check_number("compass_noise", compass_noise, "rad", at_least=0.0)
     for name, noise, unit in (("track_noise", track_noise, "m"), ("gyro_noise", gyro_noise, "rad/s")):
@@ -72,13 +73,13 @@ def closed_loop(
             check_number(name, noise, unit, at_least=0.0)
     if speed is not None:
         check_number("speed", speed, "m/s", above=0.0, at_most=_FASTEST * plant.hull.speed)
+    check_number("rudder_excitation", rudder_excitation, "1", at_least=0.0)
+    if bit_time is not None:
+        check_number("bit_time", bit_time, "s", above=0.0)
     skipped = round(run_in / plant.dt)
     n = floor(duration / plant.dt + 1e-9) + 1 + skipped
     if n < 2 + skipped:
-        raise ValueError(
-            f"A run needs a duration (--duration, duration) of at least one sample, {plant.dt:g} s (--dt, dt), got "
-            f"{duration:g} s."
-        )
+        raise ValueError(f"duration must be at least one sample ({plant.dt:g} s), got {duration:g} s.")
     controller = heading_pid(plant) if controller is None else controller
     time = plant.dt * np.arange(n)
     limit = plant.hull.rudder_limit

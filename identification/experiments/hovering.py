@@ -11,7 +11,7 @@ import numpy as np
 
 from auv_gym.channels import set_point_of
 from auv_gym.model import Diverged
-from auv_gym.param import did_you_mean
+from auv_gym.param import check_number, did_you_mean
 from auv_gym.plant import Plant
 from auv_gym.plant.cruise import command_ranges
 from auv_gym.records.record import Record
@@ -75,12 +75,10 @@ def hover(
     the input of a linear model of the motion.  Raises ValueError, Diverged.
     """
     _check(plant, loop, amplitude, measured)
+    check_number("duration", duration, "s", above=0.0)
     n = round(duration / plant.dt) + 1
     if n < 3:
-        raise ValueError(
-            f"A run needs a duration (--duration, duration) of at least two samples, {2 * plant.dt:g} s (--dt, dt), "
-            f"got {duration:g} s."
-        )
+        raise ValueError(f"duration must be at least two samples ({2 * plant.dt:g} s), got {duration:g} s.")
     seen = MEASURED[measured]
     outputs = plant.outputs if seen is None else tuple(name for name in plant.outputs if name in seen)
     time = plant.dt * np.arange(n)

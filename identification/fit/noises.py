@@ -36,12 +36,14 @@ class Noise:
     swell: the same, by period, s, for narrow-band accelerations about that period, with the time that they stay in
     phase.
     lasting: lasting sensor errors, by period, s, 0 for those that merely decay, and by channel, in its unit.
+    slowest: the longest correlation time of an acceleration that the fit allows, s.
     """
 
     measurement: Mapping[str, float]
     process: Mapping[str, tuple[float, float]]
     swell: Mapping[float, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
     lasting: Mapping[float, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
+    slowest: float = np.inf
 
     def told(self, misread: bool, period: float) -> Mapping[str, tuple[float, float]]:
         """Lasting sensor errors, or else accelerations, of a period, s, or of none (0)."""
@@ -319,7 +321,7 @@ class Noises(Filter):
                         told = (lasting if self.misread[d] else swell).setdefault(period, {})
                     told[self.pushed[d]] = (float(deviations[d]), float(times[d]))
         measured = dict(zip(self.channels, np.sqrt(variances).tolist(), strict=True))
-        return Noise(measured, process, swell, lasting)
+        return Noise(measured, process, swell, lasting, float(np.exp(self.slowness[0] + 2.0 * self.slowness[1])))
 
     def with_noises_of(self, noise: Noise) -> Self:
         """The problem with the swell and the lasting sensor errors of the given noises."""

@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from auv_gym.model import inputs_of, outputs_of
-from auv_gym.plant import Chart, Plant
+from auv_gym.param import check_number
+from auv_gym.plant import Chart, Plant, check_vehicle
 from auv_gym.plant.record_check import described
-from auv_gym.records.record import Record
+from auv_gym.records.record import Record, check_record
 from identification.changes.forms import Changeable, tied_names, usable_log
 from identification.changes.onset import Timeline, find_onsets
 from identification.deciding import DOUBT
@@ -98,10 +99,7 @@ class Monitor:
     """
 
     def __init__(self, learned: Learned, false_alarms_per_hour: float = 0.1):
-        if not 0.0 < false_alarms_per_hour < np.inf:
-            raise ValueError(
-                f"A monitor needs false_alarms_per_hour > 0, got {false_alarms_per_hour!r}: for example 0.1."
-            )
+        check_number("false_alarms_per_hour", false_alarms_per_hour, "1/h", above=0.0)
         self.learned, self.false_alarms_per_hour, self.time, self.over = learned, false_alarms_per_hour, 0.0, 0.0
         self._filter = OnlineFilter(learned.plan)
         self._bank = Bank(learned.memories, learned.columns, len(learned.plan.channels), learned.inflation)
@@ -132,6 +130,10 @@ class Monitor:
         in `learned.missing`.
         Raises ValueError if the log cannot be used, or if the attitude turns too far for the filter.
         """
+        check_vehicle("Monitor.learn", plant)
+        check_record("Monitor.learn", record)
+        check_number("false_alarms_per_hour", false_alarms_per_hour, "1/h", above=0.0)
+        check_number("doubt", doubt, "1", at_least=0.0)
         errors, missing = dict[str, float](), ()
         if noise is None:
             log = usable_log(record, plant, Asked(doubt=doubt, trust=trust), "of the healthy vehicle")
@@ -195,6 +197,7 @@ class Monitor:
 
     def replay(self, record: Record) -> Iterator[Alarm | None]:
         """An alarm or None for each sample of a log except the first after each gap, where the filter starts again."""
+        check_record("A monitor", record)
         record = described(self.learned.plant, record)
         inputs, outputs, read, time = _columns(self.learned.plant, record)
         for segment in record.segments:

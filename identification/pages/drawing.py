@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from auv_gym.channels import channel
+from auv_gym.extra import how_to_install
 from auv_gym.records.record import Record
 
 if TYPE_CHECKING:
@@ -65,8 +66,8 @@ def require_render() -> None:
         import matplotlib  # noqa: F401
     except ImportError as error:
         raise ImportError(
-            f"The report needs matplotlib and jinja2, and {error.name or 'one of them'} is not installed: "
-            "pip install 'auv-gym[render]'."
+            f"The report needs matplotlib and jinja2, and {error.name or 'one of them'} is not installed; "
+            f"{how_to_install('render')}."
         ) from error
 
 

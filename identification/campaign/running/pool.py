@@ -12,6 +12,8 @@ import joblib
 from joblib.externals.loky import get_reusable_executor
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
+from auv_gym.extra import how_to_install
+
 T = TypeVar("T")
 R = TypeVar("R")
 
@@ -93,7 +95,7 @@ def on_cluster(scheduler: str) -> Generator[Spread]:
         from distributed import Client, as_completed
         from distributed.scheduler import KilledWorker
     except ImportError:
-        raise ImportError("--scheduler needs Dask: pip install 'auv-gym[distributed]'.") from None
+        raise ImportError(f"--scheduler needs Dask; {how_to_install('distributed')}.") from None
     try:
         client = Client(scheduler, timeout=_ANSWER)
     except (OSError, TimeoutError, ValueError) as error:

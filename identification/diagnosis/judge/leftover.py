@@ -13,6 +13,7 @@ from identification.diagnosis.judge.result import Result
 from identification.diagnosis.search.dependence import CLOCK
 from identification.diagnosis.wording import accelerations, capital, lasting_errors, quantity
 
+_NEARLY = 0.99  # of the longest correlation time that a fit allows
 _LASTING = 0.25  # of the longest segment; with a longer correlation time, the noise changes only a few times in it
 
 
@@ -103,7 +104,8 @@ def drift_sentence(d: Result) -> str:
     if d.noise is None or d.unexplained:
         return ""
     longest = max(float(np.ptp(d.record.time[s])) for s in d.record.segments)
-    names = [channel(name).label for name, (_, time) in d.noise.process.items() if time > _LASTING * longest]
+    slow = min(_LASTING * longest, _NEARLY * d.noise.slowest)
+    names = [channel(name).label for name, (_, time) in d.noise.process.items() if time > slow]
     if not names:
         return ""
     return (

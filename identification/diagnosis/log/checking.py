@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from auv_gym.param import check_count, check_number
 from auv_gym.plant import Chart, Plant
 from auv_gym.plant.record_check import FEW, check_excitation, check_ranges, described
 from auv_gym.records.record import Record
@@ -17,6 +18,7 @@ from identification.fit.steps import readings_noise
 from identification.fit.windows import LEAST_SAMPLES, free_run_windows
 
 RECORD_LONGER = "record longer, give several logs of the vehicle, or diagnose with shorter windows (--window)."
+_TOO_COARSE = "choose longer windows or a smaller --resample, and check that times are in seconds."
 _SHORTER = (1.0, 0.8, 0.65, 0.5)  # shares of the vehicle's window, tried in turn for short records
 
 
@@ -30,6 +32,15 @@ class Asked:
     most: int = 3
     doubt: float = 0.1
     trust: bool = False
+
+    def __post_init__(self) -> None:
+        if self.window is not None:
+            check_number("window", self.window, "s", above=0.0)
+        if self.settle is not None:
+            check_number("settle", self.settle, "s", at_least=0.0)
+        check_count("seed", self.seed, 0)
+        check_count("most", self.most)
+        check_number("doubt", self.doubt, "1", at_least=0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,17 +181,13 @@ def _checked_windows(record: Record, plant: Plant, window: float, settle: float)
         raise ValueError(
             f"A diagnosis needs at least {LEAST_WINDOWS} windows of {window:g} s{shorter}, without a gap; "
             f"got {len(windows)} (longest stretch {longest:.0f} s, samples {record.sample_interval:g} s apart): "
-            + (
-                "choose longer windows, and check that times are in seconds."
-                if window < 2.0 * record.sample_interval
-                else RECORD_LONGER
-            )
+            + (_TOO_COARSE if window < 2.0 * record.sample_interval else RECORD_LONGER)
         )
     shortest = min(w.stop - w.start for w in windows)
     if shortest < LEAST_SAMPLES:
         raise ValueError(
             f"Samples are {record.sample_interval:g} s apart, so that a window of {window:g} s holds only {shortest}; "
-            f"at least {LEAST_SAMPLES} are needed: check that times are in seconds, or choose longer windows."
+            f"at least {LEAST_SAMPLES} are needed: {_TOO_COARSE}"
         )
     return windows
 

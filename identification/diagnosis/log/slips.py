@@ -68,9 +68,9 @@ _CLOCKS = ((2.0, "half"), (0.5, "twice"))
 class Slip:
     """One way in which a record may be wrong, and how to undo it.
 
-    factors: what to multiply each channel by; empty if that is not certain.  exchanged: whether the two channels change places.  clock: what to
-    multiply times by.  offset: added after the factors.  acts_on: the measured velocities by which the slip is judged,
-    if it only affects those; empty for all signals.
+    factors: what to multiply each channel by; empty if it is not certain.  exchanged: whether the two channels change
+    places.  clock: what to multiply times by.  offset: added after the factors.  acts_on: the measured velocities by
+    which the slip is judged, if it only affects those; empty for all signals.
     """
 
     text: str

@@ -57,7 +57,7 @@ def test_what_has_leaked_in_stays_and_what_has_not_is_not_there_at_once(shares):
     """The reference counts the time only while it leaks, and always within a sample: it errs by a third of a second."""
     plant = load_vehicle("qiandao_float")
     record = run_mission(plant, np.random.default_rng(3), duration=120.0)
-    edges, rate = (len(record) // 3, len(record) // 2), 3e-8
+    edges, rate = (len(record) // 3, len(record) // 2), 3e-7
     course = Course(edges, shares)
     changing = ChangingPlant.of(plant, {"amid": [LEAK]}, {"amid": course}, record)
     leaking = np.r_[0.0, course.over(np.arange(len(record)))[:-1]]  # over the interval before each row
@@ -68,7 +68,7 @@ def test_what_has_leaked_in_stays_and_what_has_not_is_not_there_at_once(shares):
         return plant.run_many(runs, replace_at(plant, values).vector[None], start)[0, :, 0]
 
     wanted = depths(plant, counted, {LEAK: rate})
-    np.testing.assert_allclose(depths(changing, record, {change("amid", LEAK): rate}), wanted, atol=2e-3)
+    np.testing.assert_allclose(depths(changing, record, {change("amid", LEAK): rate}), wanted, atol=0.02)
     assert np.abs(wanted - depths(plant, record, {})).max() > 0.1
     at_once = ChangingPlant.of(plant, {"amid": [LEAK]}, {"amid": course})
     assert np.abs(depths(at_once, record, {change("amid", LEAK): rate}) - wanted).max() > 0.1

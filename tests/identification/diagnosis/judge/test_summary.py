@@ -298,12 +298,20 @@ def test_a_size_at_the_far_end_of_its_interval_is_the_most_that_it_may_be():
     assert replace(gain, value=1.0, ci95=(1.0, 1.2)).size == "1"
 
 
-@pytest.mark.parametrize("time, unexplained, said", [(160.0, False, True), (140.0, False, False), (160.0, True, False)])
-def test_noise_that_lasts_for_a_quarter_of_a_log_may_be_an_effect_that_grows(time, unexplained, said):
-    """The sentence appears only if nothing else is left; the segments last 600 s."""
+@pytest.mark.parametrize(
+    "time, slowest, unexplained, said",
+    [
+        (160.0, np.inf, False, True),
+        (140.0, 185.0, False, False),
+        (140.0, 140.0, False, True),
+        (160.0, 185.0, True, False),
+    ],
+)
+def test_noise_that_lasts_for_long_may_be_an_effect_that_grows(time, slowest, unexplained, said):
+    """A quarter of the log, or as long as a fit allows; only if nothing else is left.  The segments last 600 s."""
     segment = np.repeat([0, 1], 7)
     record = Record.from_arrays(100.0 * np.arange(14), {"heading_rad": np.zeros(14)}, segment=segment)
-    noise = Noise({"heading_rad": 0.01}, {"u_mps": (0.01, time), "r_radps": (0.01, 5.0)})
+    noise = Noise({"heading_rad": 0.01}, {"u_mps": (0.01, time), "r_radps": (0.01, 5.0)}, slowest=slowest)
     told = drift_sentence(SimpleNamespace(noise=noise, record=record, unexplained=unexplained))  # type: ignore[arg-type]
     assert ("forward speed through the water changes so slowly" in told and "auv-gym onset looks for" in told) is said
     assert "yaw" not in told
