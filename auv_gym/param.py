@@ -143,7 +143,7 @@ def check_number(
     if not number or not math.isfinite(value) or not (value > above and at_least <= value <= at_most):
         words = (("above", above), ("of at least", at_least), ("of at most", at_most))
         bounds = " and ".join(f"{word} {bound:g}" for word, bound in words if math.isfinite(bound))
-        raise ValueError(f"{name} needs a number{' ' * bool(bounds)}{bounds} in {unit}, got {value!r}.")
+        raise ValueError(f"{name} needs a number{' ' * bool(bounds)}{bounds}{in_unit(unit)}, got {value!r}.")
 
 
 def check_count(name: str, value: Any, least: int = 1) -> None:

@@ -8,7 +8,7 @@ from math import asin, atan2, cos, remainder, sin, tau
 
 from auv_gym.plant import Plant
 from auv_gym.plant.flying import Flight, battery_for, turning_input
-from controllers.controller import time_step
+from controllers.controller import check_targets, reading_of, target_of, time_step
 
 _STEEPEST = 0.9  # of the speed; largest component that a heading may use to compensate for a cross current
 _SOFT = 2.0  # samples in which a heading error is to vanish
@@ -41,7 +41,9 @@ class GlideToDepth:
         self, state: None, reading: Mapping[str, float], target: Mapping[str, float]
     ) -> tuple[dict[str, float], None]:
         """Readings: depth_m.  Target: depth_m."""
-        share = min(max((target["depth_m"] - reading["depth_m"]) / self.band, -1.0), 1.0)
+        below = target_of(self, "depth_m", target) - reading_of(self, "depth_m", reading)
+        check_targets(self, target)
+        share = min(max(below / self.band, -1.0), 1.0)
         engine, pitch = self.neutral - share * self.half, -share * self.pitch
         moved = pitch if self.steered is None else battery_for(self.steered, pitch, engine)
         return dict(zip(self.commands, (engine, moved), strict=True)), None
@@ -80,15 +82,19 @@ class YoPilot:
 
         The target's depth is ignored.
         """
-        depth = reading["depth_m"]
+        check_targets(self, target)
+        depth, own = (reading_of(self, name, reading) for name in ("depth_m", "heading_rad"))
+        to_north, to_east = (
+            target_of(self, name, target) - reading_of(self, name, reading) for name in ("north_m", "east_m")
+        )
         climbing = depth > self.surface if state else depth >= self.apogee
         side = 1.0 if climbing else -1.0
         engine = self.neutral + side * self.lift
-        course = atan2(target["east_m"] - reading["east_m"], target["north_m"] - reading["north_m"])
+        course = atan2(to_east, to_north)
         north, east = (reading.get(f"current_{name}_mps", 0.0) for name in ("north", "east"))
         across = (east * cos(course) - north * sin(course)) / (self.flight.speed * cos(self.flight.path))
         heading = course - asin(min(max(across, -_STEEPEST), _STEEPEST))
-        turn = remainder(heading - reading["heading_rad"], tau) / (_SOFT * time_step(reading))
+        turn = remainder(heading - own, tau) / (_SOFT * time_step(reading))
         moved = (engine, battery_for(self.plant, side * self.pitch, engine), self._turned(turn, side))
         return dict(zip(self.commands, moved, strict=True)), climbing
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 from math import inf, isfinite, pi
 
 from auv_gym.channels import channel
-from controllers.controller import time_step
+from controllers.controller import check_targets, reading_of, target_of, time_step
 
 Points = tuple[tuple[float, float], ...]
 
@@ -102,14 +102,17 @@ class OneChannel(ABC):
     def act(
         self, state: Memory, reading: Mapping[str, float], target: Mapping[str, float]
     ) -> tuple[dict[str, float], Memory]:
-        """The command and the next memory; without a finite reading both stay the same."""
-        measured = reading[self.measured]
+        """The command and the next memory; both stay the same if the reading is not finite."""
+        measured = reading_of(self, self.measured, reading)
         last = self.neutral if state.command is None else state.command
         if not isfinite(measured):
             return {self.command: last}, state
-        error = error_of(self.measured, target[self.measured], measured)
+        wanted = target_of(self, self.measured, target)
+        if len(target) > 1:
+            check_targets(self, target)
+        error = error_of(self.measured, wanted, measured)
         rate = filtered_rate(self.measured, self.rate_measured, reading, state.reading, state.rate, self.filter_time)
-        steady = holding_command(self.steady, target[self.measured], self.neutral)
+        steady = holding_command(self.steady, wanted, self.neutral)
         command, integral = self._answer(error, rate, steady, last, state.integral, time_step(reading))
         return {self.command: command}, Memory(integral, rate, measured, command)
 

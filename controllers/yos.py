@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import atan2
 
-from controllers.controller import time_step
+from controllers.controller import check_targets, reading_of, target_of, time_step
 from controllers.tracking import wrapped
 
 _UNDER_WAY = 0.4  # of the engine's way from neutral; below this, a glider hardly moves and is not steered
@@ -81,7 +81,8 @@ class Yo:
 
         target: heading_rad, or a place, whose depth is ignored; without either, the battery stays upright.
         """
-        dt, depth = time_step(reading), reading["depth_m"]
+        check_targets(self, target)
+        dt, depth = time_step(reading), reading_of(self, "depth_m", reading)
         climbing = depth > self.top if state.climbing else depth >= self.apogee
         told = self.climb.volume if climbing else self.dive.volume
         engine = told if state.engine is None else state.engine
@@ -92,7 +93,7 @@ class Yo:
 
         middle = 0.5 * (self.dive.slide + self.climb.slide)
         wanted = share * self.climb.pitch if share > 0.0 else -share * self.dive.pitch
-        error = wanted - reading["pitch_rad"]
+        error = wanted - reading_of(self, "pitch_rad", reading)
         base = middle + abs(share) * (leg.slide - middle) + leg.per_pitch * error
         slide, pitch_sum = _clamped(
             base, leg.per_pitch / self.pitch_time, state.pitch_sum, error, dt, self.low, self.high
@@ -101,7 +102,7 @@ class Yo:
         heading = self._heading(reading, target)
         angle, heading_sum = 0.0, 0.0
         if heading is not None and abs(share) > _UNDER_WAY:
-            error = wrapped(heading - reading["heading_rad"])
+            error = wrapped(heading - reading_of(self, "heading_rad", reading))
             angle, heading_sum = _clamped(
                 leg.per_turn * error,
                 leg.per_turn / self.heading_time,
@@ -118,7 +119,10 @@ class Yo:
         """The wanted heading, rad: the given one, or that of the place."""
         if "heading_rad" in target or "north_m" not in target:
             return target.get("heading_rad")
-        return atan2(target["east_m"] - reading["east_m"], target["north_m"] - reading["north_m"])
+        north, east = (
+            target_of(self, name, target) - reading_of(self, name, reading) for name in ("north_m", "east_m")
+        )
+        return atan2(east, north)
 
 
 def _clamped(

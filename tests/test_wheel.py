@@ -176,7 +176,7 @@ def without_extras(python: Path) -> None:
     (said,) = type_commands(python, "README.md", "auv-gym simulate")
     assert "mission.csv" in said
     look(python, "mission.csv", "rudder_rad", "slocum")
-    assert "auv-gym[slocum]" in refused(python, "auv-gym", "look", "slocum:ammonite")
+    assert "'.[slocum]'" in refused(python, "auv-gym", "look", "slocum:ammonite")
 
 
 def ardupilot(python: Path) -> None:
@@ -220,7 +220,7 @@ def rl(python: Path) -> None:
     first = blocks("docs/rl.md", "auv-gym train")[0]
     train, evaluate = (shlex.split(line) for line in first.commands)
     run(python, *train, "--steps", "4096", jit=True)
-    assert "auv-gym[render]" in refused(python, *evaluate)
+    assert "'.[render]'" in refused(python, *evaluate)
     assert evaluate[-2] == "--picture"
     assert "gpc" in run(python, *evaluate[:-2], "--episodes", "4", jit=True)
 

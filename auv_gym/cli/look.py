@@ -23,8 +23,9 @@ _HINTED = 3  # vehicles for which columns are named that look like what is missi
 _MOST = 40  # rows of the table of signals, and lines of what was left out
 
 
-@app.command()
+@app.command(context_settings={"allow_extra_args": True})
 def look(
+    context: typer.Context,
     log: Annotated[str, typer.Argument(metavar="LOG", help=logs.ANY_LOG)],
     vehicle: Annotated[
         str | None,
@@ -43,6 +44,10 @@ def look(
     """Show what a log contains, which channels are recognised, what looks wrong, and which vehicles it fits."""
     from auv_gym.presets import find_vehicle
 
+    if context.args:
+        raise ValueError(
+            f"look takes one log, got {1 + len(context.args)}: run it for each of them. diagnose takes several."
+        )
     if vehicle is not None:
         find_vehicle(vehicle)
     with progress_bar() as progress:
@@ -81,7 +86,10 @@ def look(
     told = [vehicle] if vehicle else list(refused) if all(refused.values()) else []
     wrong = dict.fromkeys(line for name in told for line in _wrong_for(name, matches))
     _print_list("Looks wrong", [*found.doubts, *wrong], True)
-    _print_vehicles(matches)
+    if found.unread:
+        output.print("The log is compared with vehicles once it can be read.")
+    else:
+        _print_vehicles(matches)
     for path in (mapping_out, picture):
         if path is not None:
             output.print(f"Written to {path}", markup=False, soft_wrap=True)
@@ -104,8 +112,9 @@ def _print_head(found: FirstLook) -> None:
     from auv_gym.records.first_look import started
 
     began = f", from {started(found)}" if started(found) else ""
+    extent = f"{found.rows:,} rows" if found.record is None else _duration(found.duration)
     output.print()
-    output.print(f"[bold]{escape(found.path.name)}[/]: {escape(found.format)}, {_duration(found.duration)}{began}")
+    output.print(f"[bold]{escape(found.path.name)}[/]: {escape(found.format)}, {extent}{began}")
     if found.sampled is not None:
         output.print(
             f"The file is large: only its index and the first {found.sampled:,} samples of each signal were read. "
@@ -126,6 +135,7 @@ def _print_head(found: FirstLook) -> None:
 
 
 def _print_signals(matches: Matches, every: bool) -> None:
+    from auv_gym.channels import unit_after
     from auv_gym.records.mapping import RULES
 
     signals, kept = matches.found.signals, matches.kept
@@ -143,6 +153,9 @@ def _print_signals(matches: Matches, every: bool) -> None:
         count = sum(signal.by == way for signal in used)
         said = escape(way if way in RULES else f"a shipped mapping, {way}")
         output.print(f"Rule {RULES.get(way, 2)}: {said} ({count} column{'s' * (count != 1)})")
+    if matches.found.known is not None and matches.found.known.constants:
+        stated = [f"{name} = {value:.6g}{unit_after(name)}" for name, value in matches.found.known.constants.items()]
+        output.print(f"Constant, as a mapping or the file states: {', '.join(stated)}", soft_wrap=True)
     if kept:
         whose = next(iter(matches.needs)) if len(matches.needs) == 1 else "any preset"
         output.print(f"* Kept in the record, but not an input or output of {escape(whose)}.")
@@ -161,8 +174,15 @@ def _cells(signal: SignalLook, rule: str, mark: str) -> Sequence[str]:
     every = f"{short(signal.interval)} s" if np.isfinite(signal.interval) else ""
     extent = f"{_extent(*ends)} {unit}" if np.isfinite(ends).all() else unit
     gaps = str(signal.gaps) if signal.gaps else ""
-    taken = "same name" if signal.channel == signal.column else signal.channel
+    plain = signal.factor == 1.0
+    taken = "same name" if plain and signal.channel == signal.column else _multiplied(signal.factor, signal.channel)
     return signal.column, taken + mark, rule, f"{signal.samples:,}", every, gaps, extent.rstrip()
+
+
+def _multiplied(factor: float, channel: str) -> str:
+    """A channel as a mapping writes it, with a minus or another factor."""
+    size = "" if abs(factor) == 1.0 else f"{abs(factor):.4g} x "
+    return f"{'-' * (factor < 0.0)}{size}{channel}"
 
 
 def _extent(low: float, high: float) -> str:

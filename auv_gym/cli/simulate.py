@@ -139,7 +139,12 @@ def _simulated(plant: Plant, given: Mapping[str, Any], seed: int) -> Record:
         settings["compass_noise"] = radians(settings["compass_noise"])
     if settings.get("track_noise", 0.0) < 0.0:
         settings["track_noise"] = None
-    return run_mission(plant, np.random.default_rng(seed), **settings)
+    try:
+        return run_mission(plant, np.random.default_rng(seed), **settings)
+    except ValueError as error:
+        if str(error).startswith("duration "):
+            raise ValueError(f"--{error}") from error
+        raise
 
 
 def _title(name: str, record: Record) -> str:

@@ -101,7 +101,9 @@ def check_actions(actions: Sequence[str], plant: Plant, axes: Sequence[str] = ()
 def check_by_path(name: str, given: Any) -> None:
     """Raise if an option has no values by parameter path."""
     if given is not None and not isinstance(given, Mapping):
-        raise ValueError(f"{name} needs values by parameter path, got {given!r}: list_paths shows those of a vehicle.")
+        raise ValueError(
+            f"{name} needs values by parameter path, got {given!r}: `auv-gym list effects VEHICLE` lists the paths."
+        )
 
 
 def check_waypoints(waypoints: Sequence[Sequence[float]] | None, deepest: float) -> np.ndarray:

@@ -9,10 +9,10 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-try:
+from auv_gym.extra import needs
+
+with needs("The adapter needs stable-baselines3", "rl"):
     from stable_baselines3.common.vec_env import VecEnv
-except ImportError as error:
-    raise ImportError(f"The adapter needs stable-baselines3 ({error}): pip install 'auv-gym[rl]'.") from error
 
 
 class StableBaselinesVecEnv(VecEnv):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from functools import partial
 
@@ -16,6 +17,7 @@ from auv_gym.plant.currents import no_currents
 from auv_gym.plant.thruster_commands import STILL, TOLERANCE, check_commands, command_remarks
 from auv_gym.records.gliding import glide_attack
 from auv_gym.records.record import Record
+from auv_gym.records.suspicions import few_impossible
 from auv_gym.records.understanding import Needs
 from auv_gym.records.unread import only_readings
 
@@ -137,12 +139,16 @@ def _ranges(plant: Plant, record: Record) -> dict[str, tuple[float, float, float
 
 
 def _wild(plant: Plant, record: Record) -> dict[str, np.ndarray]:
-    """Masks of the few readings that are beyond their channel's range, by their description."""
-    return {
+    """Masks of the few readings that are beyond their channel's range or impossible, by their description."""
+    ranges = _ranges(plant, record)
+    found = {
         f"where {name} is beyond {least:g} to {most:g}{unit_after(name)}": mask
-        for name, (least, most, _, mask) in _ranges(plant, record).items()
+        for name, (least, most, _, mask) in ranges.items()
         if 0.0 < mask.mean() <= FEW
     }
+    others = [name for name in plant.inputs if record.has(name) and name not in ranges]
+    masks = {f"where {name} is impossible": few_impossible(name, record[name]) for name in others}
+    return found | {words: mask for words, mask in masks.items() if mask.any()}
 
 
 def refusal(plant: Plant, record: Record) -> str:
@@ -203,7 +209,7 @@ def check_commanded(plant: Plant, called: str = "") -> None:
 
 def check_excitation(plant: Plant, record: Record) -> None:
     """Raise if all inputs that move the vehicle are constant throughout, or if what they move is."""
-    still = []
+    still: dict[str, list[str]] = {}
     moving = plant.family.required or [name for name in plant.family.actuators if record.has(name)]
     check_commanded(plant)
     if not moving:
@@ -214,10 +220,10 @@ def check_excitation(plant: Plant, record: Record) -> None:
     for name in moving:
         signal = record[name]
         if np.ptp(signal) < STILL * max(abs(float(signal.mean())), _USUAL.get(name, 1.0)):
-            unit = channel(name).unit.removeprefix("1")
-            still.append(f"{name} is constant at {float(signal[0]):.4g}{f' ({unit})' if unit else ''}")
-    if len(still) == len(moving):
-        raise ValueError(f"Nothing excites the vehicle: {', '.join(still)}. Use a log in which it moves.")
+            still.setdefault(f"constant at {float(signal[0]):.4g}{unit_after(name)}", []).append(name)
+    if sum(map(len, still.values())) == len(moving):
+        said = [f"{_in_short(names)} {'is' if len(names) == 1 else 'are'} {held}" for held, names in still.items()]
+        raise ValueError(f"Nothing excites the vehicle: {', '.join(said)}. Use a log in which it moves.")
     leading = plant.family.leading
     if plant.family.required and record.has(leading) and np.ptp(record[leading]) == 0.0:
         raise ValueError(
@@ -225,6 +231,12 @@ def check_excitation(plant: Plant, record: Record) -> None:
             f"{len(record):,} samples, although the inputs move: its sensor is stuck, or the column holds something "
             "else. Map another column, or use another log."
         )
+
+
+def _in_short(names: list[str]) -> str:
+    """A list of channels; the first and the last if they are more than two numbered ones."""
+    numbered = len(names) > 2 and all(re.fullmatch(r"[a-z]+\d+_[a-z]+", name) for name in names)
+    return f"{names[0]} to {names[-1]}" if numbered else listed(names)
 
 
 def described(plant: Plant, record: Record) -> Record:

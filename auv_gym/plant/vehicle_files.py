@@ -119,9 +119,10 @@ def _parse(text: str, origin: str) -> Plant:
         content = convert_former_vehicle(content)
     except ValueError as error:
         raise ValueError(f"Vehicle file {origin}: {error}.") from None
-    named = content.get("family", "nothing")
+    named = content.get("family")
     if not isinstance(named, str) or named not in FAMILY_NAMES:
-        raise ValueError(f"Vehicle file {origin} needs family = one of {', '.join(FAMILY_NAMES)}, got {named!r}.")
+        got = "none" if named is None else repr(named)
+        raise ValueError(f"Vehicle file {origin} needs family = one of {', '.join(FAMILY_NAMES)}, got {got}.")
     for key, value in content.items():
         if key not in _FILE_KEYS and key not in _TABLES:
             hint = did_you_mean(key, (*_FILE_KEYS, *_TABLES))

@@ -9,9 +9,11 @@ from typing import Final
 import numpy as np
 
 from auv_gym.channels import depth_from_pressure
+from auv_gym.extra import how_to_install
 from auv_gym.records import seawater
 from auv_gym.records.attitude import QUATERNION, QUATERNION_ENU_FLU, angles, continuous, from_enu_flu, proper
 from auv_gym.records.merging import Stream
+from auv_gym.records.mermaid import COLUMNS as MERMAID
 
 _ANGLES = ("roll_rad", "pitch_rad", "heading_rad")
 _MIDDLE = 45.0  # deg of latitude
@@ -23,6 +25,7 @@ SOURCES: Final[dict[str, tuple[str, ...]]] = {
     "density_kgpm3": (
         "salinity_psu", "conductivity_Spm", "temperature_C", "pressure_dbar", "latitude_rad", "longitude_rad",
     ),
+    "oil_volume_m3": MERMAID,
 }  # fmt: skip
 
 
@@ -120,7 +123,7 @@ def hydrography(
     except ValueError:  # gsw is not installed
         notes.append(
             "The density of the water could be worked out from the salinity and temperature of the log with the "
-            "package gsw: `pip install auv-gym[seawater]`."
+            f"package gsw; {how_to_install('seawater')}."
         )
     return new
 

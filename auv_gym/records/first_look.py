@@ -16,7 +16,7 @@ from auv_gym.records.formats import format_of
 from auv_gym.records.log import Column, Group, Log, Scope
 from auv_gym.records.mapping import YOURS, Source, Target, guessed, is_known, load_mapping
 from auv_gym.records.naming import candidates
-from auv_gym.records.reading import assembled, command_for, find_log, open_log
+from auv_gym.records.reading import EMPTY, assembled, command_for, find_log, open_log
 from auv_gym.records.record import Record
 from auv_gym.records.suspicions import suspicions
 from auv_gym.records.time_axis import gap_limit
@@ -32,7 +32,7 @@ class SignalLook:
 
     channel: the channel that it becomes, '' if it is left out.  unit: of low and high.  samples: number with a value.
     interval: median time between them, s.  gaps: number of intervals that are gaps, see `time_axis.gap_limit`.
-    by: how it was recognised.
+    by: how it was recognised.  factor: by which a mapping multiplies it, beside the conversion of its unit.
     """
 
     column: str
@@ -44,6 +44,7 @@ class SignalLook:
     low: float
     high: float
     by: str
+    factor: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +69,22 @@ class FirstLook:
     record: Record | None
     log: Log
     problem: str = ""
+
+    @property
+    def unread(self) -> bool:
+        """Whether it has columns for a record that could not be read, such as those without a time or a value."""
+        known = self.known is not None and not self.known.by_channel and not self.empty
+        return self.record is None and not self.is_profile and not known
+
+    @property
+    def empty(self) -> bool:
+        """Whether none of its columns has a value."""
+        return self.problem.endswith(EMPTY)
+
+    @property
+    def untimed(self) -> bool:
+        """Whether it has no time, or the same one in all rows."""
+        return any(words in self.problem for words in ("no column time_s", "have the same time"))
 
     @property
     def channels(self) -> set[str]:
@@ -329,16 +346,16 @@ def _signal(
 ) -> SignalLook:
     if isinstance(column, list):
         return SignalLook(name, "", "text", sum(bool(cell.strip()) for cell in column), np.nan, 0, np.nan, np.nan, "")
-    values, unit, of, by = column.astype(float), group.units.get(name, ""), "", ""
+    values, unit, of, by, factor = column.astype(float), group.units.get(name, ""), "", "", 1.0
     if source is not None:
         target, values = source.target.channel_and_values(values, source.unit)
         of, unit = target.name, target.unit
-        by = source.by
+        by, factor = source.by, source.target.factor
     there = np.isfinite(values)
     interval, gaps = sampling(there)
     low, high = (float(np.min(values[there])), float(np.max(values[there]))) if there.any() else (np.nan, np.nan)
     samples = int(there.sum()) if group.rows <= there.size else round(group.rows * float(there.mean()))
-    return SignalLook(name, of, unit, samples, interval, gaps, low, high, by)
+    return SignalLook(name, of, unit, samples, interval, gaps, low, high, by, factor)
 
 
 def _times(group: Group, known: Understood | None) -> np.ndarray | None:

@@ -5,12 +5,17 @@ from __future__ import annotations
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
+from shlex import quote
 
 from auv_gym.param import did_you_mean
 from auv_gym.records.log import Format
 
 GROUP = "auv_gym.readers"
 _HEAD = 4096  # bytes
+_PACKED = {
+    ".gz": "gunzip", ".bz2": "bunzip2", ".xz": "unxz", ".zst": "unzstd", ".zip": "unzip", ".7z": "7z x",
+    ".tar": "tar xf", ".tgz": "tar xf",
+}  # fmt: skip
 
 
 @cache
@@ -61,6 +66,8 @@ def format_of(path: Path) -> Format:
             f"{path} ends in {ending!r} ({names}), but its content is something else: it begins with {_shown(head)}. "
             "Check its ending, or copy or export it again."
         )
+    if ending in _PACKED:
+        raise ValueError(f"{path} is packed. Unpack it first: {_PACKED[ending]} {quote(str(path))}")
     raise ValueError(
         f"{path} ends in {ending!r}, which is no known format. Save it as CSV, or give one of these: "
         f"{known_endings()}. {_loaded()[1]}".rstrip()

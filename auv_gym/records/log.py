@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from auv_gym.extra import how_to_install
+
 Column = np.ndarray | list[str]
 FIXES = "gps_fixes"  # attribute of a log: s since 1970, latitude and longitude, deg, of each fix, concatenated
 MOST_ELEMENTS = 64  # of an array in a message; longer ones are images, scans or plots, not signals
@@ -145,6 +147,4 @@ def array_columns(name: str, rows: Sequence[Any]) -> dict[str, np.ndarray]:
 
 def missing_extra(what: str, package: str, extra: str) -> ValueError:
     """The error for a format whose package is not installed."""
-    return ValueError(
-        f"{what} are read by the package {package}, which is not installed: `pip install auv-gym[{extra}]`."
-    )
+    return ValueError(f"{what} are read by the package {package}, which is not installed; {how_to_install(extra)}.")

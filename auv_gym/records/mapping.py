@@ -78,6 +78,11 @@ def load_mapping(mapping: MappingLike) -> Names:
     """The user's mapping, from a table or the path of a flat TOML file; raises ValueError for anything unsupported."""
     if isinstance(mapping, (str, Path)):
         mapping = _toml(Path(mapping), f"The mapping {mapping}")
+    if mapping is not None and not isinstance(mapping, Mapping):
+        raise ValueError(
+            "A mapping needs a dict from their columns to our channels, such as {'Hdg': 'heading_deg'}, or the path of "
+            f"a TOML file, got {mapping!r}."
+        )
     targets, left_out, constants = {}, set(), {}
     for theirs, ours in (mapping or {}).items():
         if isinstance(ours, (int, float)) and not isinstance(ours, bool):

@@ -16,6 +16,7 @@ COLUMNS = (
     "depth_m", "temperature_C", "pumped_cum_m3", "valved_cum_m3", "oil_volume_rel_m3", "bypass_open_cum_s",
     "surface_pump_cum_s",
 )  # fmt: skip
+_DERIVED = "oil_volume_m3: oil that pump and valves moved since the first row of each dive (oil_volume_rel_m3)"
 _UNDER = 2.0  # m; above this depth the float may be at the surface
 _LEAST_ROWS = 8
 
@@ -52,7 +53,8 @@ def mermaid_dives(time: np.ndarray, columns: Mapping[str, np.ndarray], dives: np
     joined = {name: np.concatenate([part[name] for _, part in parts]) for name in ("time_s", *names)}
     segment = np.concatenate([np.full(part["time_s"].size, label) for label, part in parts])
     notes = [f"dive {label}: left out, {problem}." for label, problem in left_out.items()]
-    return Record.from_arrays(joined.pop("time_s"), joined, segment=segment, attrs={"source": source}, notes=notes)
+    attrs = {"source": source, "derived": _DERIVED}
+    return Record.from_arrays(joined.pop("time_s"), joined, segment=segment, attrs=attrs, notes=notes)
 
 
 def _dive(time: np.ndarray, log: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], str]:

@@ -8,6 +8,7 @@ from difflib import SequenceMatcher
 from itertools import pairwise
 from typing import Final
 
+from auv_gym.channels import CHANNELS
 from auv_gym.param import listed
 
 _OVER_GROUND: Final = ("dvl", "bt")  # bottom track
@@ -75,13 +76,19 @@ def nickname_of(stem: str) -> str:
 
 
 def candidates(channel: str, columns: Iterable[str], most: int = 3) -> list[str]:
-    """The columns whose names look like a channel's, the likeliest first; empty if there are none."""
+    """The columns whose names look like a channel's, the likeliest first; empty if there are none.
+
+    A command may serve as an input, but not as a measured motion.
+    """
     wants_command = "_cmd" in channel
     measured = channel.replace("_cmd", "")
     words = WORDS.get(channel, WORDS.get(measured, (measured.rpartition("_")[0],)))
+    moves = channel in CHANNELS and CHANNELS[channel].kind == "motion"
     scored = []
     for column in columns:
         said = _words_of(column)
+        if moves and _COMMANDED & said:
+            continue
         score = max((_score(word, said, column.lower()) for word in words), default=0.0)
         score = max(score, _score_of_number(measured, said))
         if score and bool(_COMMANDED & said) != wants_command:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from itertools import pairwise
@@ -11,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from auv_gym.channels import SEGMENT_COLUMNS, channel, conversion, is_flag, set_point_of
+from auv_gym.param import listed
 from auv_gym.records.completing import hydrography
 from auv_gym.records.formats import check_file, format_of
 from auv_gym.records.gliding import glide_speed
@@ -22,10 +24,11 @@ from auv_gym.records.mermaid import is_mermaid, mermaid_dives
 from auv_gym.records.naming import looks_like
 from auv_gym.records.readers.slocum import bundled_slocum_log
 from auv_gym.records.readers.text import CSV
-from auv_gym.records.record import Record
-from auv_gym.records.understanding import Needs, Understood, joined_labels, understood
+from auv_gym.records.record import Record, check_gap
+from auv_gym.records.understanding import NO_VALUE, Needs, Understood, joined_labels, understood
 
 _OF_PLACE = ("latitude_rad", "longitude_rad", "magnetic_variation_rad")  # only used while a log is read
+EMPTY = "Its columns are empty: export the log again, or use another one."
 _FEW = 5  # reasons listed in an error
 _SAMPLE = 50  # rows per group, enough to see which columns a slow format has
 
@@ -63,6 +66,9 @@ def read_record(
         >>> log["heading_rad"].round(3)
         array([0.175, 0.192, 0.227])
     """
+    if not isinstance(path, Iterable | Path):
+        raise ValueError(f"read_record needs the path of a log, or a list of paths, got {path!r}.")
+    check_gap(max_gap_s)
     needs = required if isinstance(required, Needs) else Needs(tuple(required))
     paths = [path] if isinstance(path, (str, Path)) else list(path)
     if not paths:
@@ -111,6 +117,8 @@ def find_log(name: str | Path) -> Path:
         'ammonite-2008-028-01-000.mbd'
     """
     text = str(name)
+    if re.match(r"(https?|ftp|s3):/", text):
+        raise ValueError(f"{text} is an address, not a file: download it first, and give the path of the file.")
     path = bundled_slocum_log(text.removeprefix("slocum:")) if text.startswith("slocum:") else Path(text)
     check_file(path)
     format_of(path)
@@ -179,8 +187,7 @@ def assembled(
             return dives.with_notes([*notes, *dives.notes])
     if not known.streams:
         raise ValueError(
-            f"No column of the log could be read as a channel besides its time. {_reasons(known)}"
-            'Name them in a mapping, as in "Hdg" = "heading_deg".'
+            f"No column of the log could be read as a channel besides its time. {_reasons(known)}{_what_to_do(known)}"
         )
     leading = next((name for name in needs.required if any(name in s.values for s in known.streams)), None)
     joined = merged(known.streams, leading)
@@ -242,12 +249,15 @@ def _missing(missing: Sequence[str], known: Understood) -> ValueError:
     have = list_of(sorted({name for stream in known.streams for name in stream.values}))
     needed = " and ".join(missing) if len(missing) < 3 else ", ".join(missing)
     example = f'"their column" = "{missing[0]}"'
-    one = len(missing) == 1
+    one, inputs = len(missing) == 1, [name for name in missing if channel(name).kind == "input"]
     lack = f"no channel {needed}, which is needed" if one else f"no channels {needed}, which are needed"
-    name, state = ("it", "it as a constant") if one else ("them", "them as constants")
+    state = ""
+    if inputs:  # a measurement has to move
+        as_constant = "as a constant" if len(inputs) == 1 else "as constants"
+        state = f", or state {('it' if one else 'them') if inputs == missing else listed(inputs)} {as_constant}"
     return ValueError(
-        f"The log has {lack}; it has {have}. {hints}Name {name} in a mapping, as in {example}, or state {state}; "
-        "`auv-gym look` shows all columns."
+        f"The log has {lack}; it has {have}. {hints}Name {'it' if one else 'them'} in a mapping, as in {example}"
+        f"{state}; `auv-gym look` shows all columns."
     )
 
 
@@ -256,7 +266,14 @@ def _reasons(known: Understood) -> str:
     if not known.notes:
         return f"It has {list_of(known.log.names)}. "
     more = len(known.notes) - _FEW
-    return " ".join(known.notes[:_FEW]) + (f" And {more} more: see `auv-gym look`. " if more > 0 else " ")
+    return " ".join(known.notes[:_FEW]) + (f" And {more} more. " if more > 0 else " ")
+
+
+def _what_to_do(known: Understood) -> str:
+    """What to do about a log without channels: a mapping cannot help if its columns are empty."""
+    if known.notes and all(note.endswith(NO_VALUE) for note in known.notes):
+        return EMPTY
+    return 'Name them in a mapping, as in "Hdg" = "heading_deg".'
 
 
 def command_for(name: str) -> str:

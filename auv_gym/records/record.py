@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, final
 import numpy as np
 
 from auv_gym.channels import channel
-from auv_gym.param import did_you_mean
+from auv_gym.param import check_number, did_you_mean
 from auv_gym.records.attitude import ANGLES, QUATERNION, interpolated, interpolated_angles, turns_far
 from auv_gym.records.dataset import (
     INTERVAL,
@@ -283,10 +283,9 @@ class Record:
 
         Default: 5 times the median interval, or 3 times the longest of the shorter 90 % if sampling is uneven.
         """
+        check_gap(max_gap_s)
         if max_gap_s is None:
             max_gap_s = gap_limit(self._intervals())
-        if not max_gap_s > 0.0:
-            raise ValueError(f"split_gaps needs a positive gap in s, got {max_gap_s}.")
         time = self.time
         breaks = np.zeros(len(self), dtype=bool)
         for part in self.segments:
@@ -367,6 +366,22 @@ class Record:
     def _intervals(self) -> np.ndarray:
         time = self.time
         return np.concatenate([np.diff(time[part]) for part in self.segments])
+
+
+def check_record(name: str, given: Any) -> None:
+    """Raise an error that names the caller, `name`, if this is not a record."""
+    if isinstance(given, Record):
+        return
+    if isinstance(given, str | Path):
+        raise ValueError(f"{name} needs a record, got {str(given)!r}: read_record({str(given)!r}) reads it.")
+    hint = "join several with concat" if isinstance(given, list | tuple) else "Record.from_arrays makes one of arrays"
+    raise ValueError(f"{name} needs a record, got a {type(given).__name__}: {hint}.")
+
+
+def check_gap(max_gap_s: float | None) -> None:
+    """Raise unless this is a time, s, infinity (no gap is too long) or None."""
+    if max_gap_s is not None and max_gap_s != np.inf:
+        check_number("max_gap_s", max_gap_s, "s", above=0.0)
 
 
 def records_of(name: str, given: Any) -> tuple[Record, ...]:

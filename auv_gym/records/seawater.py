@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from auv_gym.extra import how_to_install
+
 
 def depth(pressure: np.ndarray | float, latitude: np.ndarray | float) -> np.ndarray:
     """Depth, m, positive down, of a sea pressure, dbar, at a latitude, deg."""
@@ -55,7 +57,7 @@ def _gsw() -> Any:
         import gsw
     except ImportError as error:
         raise ValueError(
-            "Depth, density and salinity of sea water need the package gsw, which is not installed: "
-            "`pip install auv-gym[seawater]`."
+            "Depth, density and salinity of sea water need the package gsw, which is not installed; "
+            f"{how_to_install('seawater')}."
         ) from error
     return gsw

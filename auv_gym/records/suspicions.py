@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import pi, radians
+from math import log, pi, radians
 from typing import Final
 
 import numpy as np
@@ -34,6 +34,8 @@ _POSSIBLE: Final[dict[str, tuple[float, float, tuple[tuple[float, str, str], ...
     "salinity_psu": (0.0, 50.0, ()),
     "buoyancy_volume_m3": (-0.1, 0.1, ((1e-6, "cubic centimetres", "cm3"),)),
     "density_kgpm3": (900.0, 1100.0, ()),
+    "rpm": (-20_000.0, 20_000.0, ()),
+    "V": (-1000.0, 1000.0, ()),
 }
 _ANYTHING: Final = (-np.inf, np.inf, ())
 _RATES: Final = (("heading_rad", "r_radps"), ("pitch_rad", "q_radps"), ("roll_rad", "p_radps"))
@@ -58,6 +60,7 @@ _BLOCK = 1.0  # s, at least, over which rates are integrated
 _LEAST = 30  # blocks
 _MOST_OF_A_TURN = 5.5  # rad
 _MANY_TURNS = 20.0 * pi  # rad; a heading rarely counts over more turns
+_SAME_SIZE = log(2.0)  # of two units, in logarithms; the candidates differ by more
 _SPIKE, _SPIKES, _FASTEST = 2.0, 10.0, 2.0  # m, usual steps, and m/s: a single depth further off is a spike
 _FOLDED = 1.0  # RMS step of an angle, rad; a randomly wrapped angle has pi / sqrt(3)
 
@@ -65,14 +68,14 @@ _FOLDED = 1.0  # RMS step of an angle, rad; a randomly wrapped angle has pi / sq
 def suspicions(known: Understood, record: Record | None) -> list[str]:
     """Sentences on what looks wrong with the recognised signals of a log, each with what to do."""
     with np.errstate(all="ignore"):  # a damaged file may hold any number
-        found = [*_impossible(known), *_wrapped(known)]
+        found = [*_impossible(known, record), *_wrapped(known)]
         if record is not None:
             found += [*_spikes(record), *_folded(record), *_against_rates(record), *_against_depth(record)]
     return found
 
 
-def _impossible(known: Understood) -> list[str]:
-    found = []
+def _impossible(known: Understood, record: Record | None) -> list[str]:
+    found: list[str] = []
     for name, sources in known.by_channel.items():
         of, source = channel(name), sources[0]
         values = next((s.values[name] for s in known.streams if name in s.values), np.empty(0))
@@ -86,13 +89,21 @@ def _impossible(known: Understood) -> list[str]:
                 '"-depth_m".'
             )
         elif beyond_possible(name, values) and not (name == "heading_rad" and _counted(values)):
-            unit = unit_instead(name, values)
-            looks = f"it looks like {unit[1]}" if unit else "check its unit"
-            stem = name.rpartition("_")[0]
-            mend = f': map it to "{stem}_{unit[2]}"' if unit and unit[2] else ""
+            units, stem = units_instead(name, values, record), name.rpartition("_")[0]
+            looks = f"it looks like {' or '.join(unit[1] for unit in units)}" if units else "check its unit"
+            targets = [f'"{stem}_{unit[2]}"' for unit in units if unit[2]]
+            mend = f": map it to {' or '.join(targets)}" if targets else ""
+            mend += f", whichever gives the true {of.label}" if len(targets) > 1 else ""
             within = name == "heading_rad" and most - least < _MANY_TURNS
             mend += ", unless it is counted over several turns" if within else ""
             found.append(f"{source.column}: {of.label} goes from {least:.4g} to {most:.4g} {of.unit}; {looks}{mend}.")
+        elif (few := few_impossible(name, values)).any():
+            count, first = int(few.sum()), values[np.argmax(few)]
+            found.append(
+                f"{source.column}: {count} of {values.size:,} values {'is' if count == 1 else 'are'} impossible for "
+                f"{of.label}, such as {first:.4g} {of.unit}. A diagnosis leaves out these samples: correct them in the "
+                "file if they matter."
+            )
         elif of.unit == "rad" and of.angle and name.startswith("heading"):
             raw = source.group.columns[source.column]
             bottom, top = (float(np.nanmin(raw)), float(np.nanmax(raw))) if isinstance(raw, np.ndarray) else (0.0, 0.0)
@@ -112,11 +123,39 @@ def beyond_possible(name: str, values: np.ndarray) -> bool:
     return least < low or most > high
 
 
-def unit_instead(name: str, values: np.ndarray) -> tuple[float, str, str] | None:
-    """The unit that makes the finite values of a channel possible: its size in SI, its name and its suffix."""
+def few_impossible(name: str, values: np.ndarray) -> np.ndarray:
+    """A mask of the few impossible values of an input, whose unit is right otherwise; values may be missing."""
+    known = np.isfinite(values)
+    if name not in CHANNELS or channel(name).kind != "input" or not known.any() or beyond_possible(name, values[known]):
+        return np.zeros(values.size, dtype=bool)
+    low, high, _ = _possible_range(name)
+    return known & ((values < low) | (values > high))
+
+
+def units_instead(name: str, values: np.ndarray, record: Record | None) -> tuple[tuple[float, str, str], ...]:
+    """The units that make the finite values of a channel possible: size in SI, name and suffix of each.
+
+    If there are several, and the record relates depth to forward speed and pitch, only those that agree with it.
+    """
     low, high, units = _possible_range(name)
     least, most = _extent(values)
-    return next((u for u in units if least * u[0] >= low and most * u[0] <= high), None)
+    possible = tuple(u for u in units if least * u[0] >= low and most * u[0] <= high)
+    if len(possible) < 2 or record is None:
+        return possible
+    ratio = _climb(record)
+    size = {"depth_m": 1.0 / ratio, "u_mps": ratio}.get(name, np.nan)
+    return tuple(u for u in possible if abs(np.log(u[0] / size)) < _SAME_SIZE) or possible
+
+
+def _climb(record: Record) -> float:
+    """The size of the depth rate relative to that of u sin(pitch); NaN if the record does not determine it."""
+    if not all(map(record.has, ("depth_m", "u_mps", "pitch_rad"))):
+        return np.nan
+    sunk, along = _increments(record, record["depth_m"], -record["u_mps"] * np.sin(record["pitch_rad"]), block=10.0)
+    if sunk.size < _LEAST or not (sunk.std() > 0.0 and along.std() > 0.0):
+        return np.nan
+    clear = abs(float(np.corrcoef(sunk, along)[0, 1])) > _STEEP
+    return float(np.sqrt(np.mean(sunk**2) / np.mean(along**2))) if clear else np.nan
 
 
 def _possible_range(name: str) -> tuple[float, float, tuple[tuple[float, str, str], ...]]:
@@ -125,8 +164,7 @@ def _possible_range(name: str) -> tuple[float, float, tuple[tuple[float, str, st
 
 def _extent(values: np.ndarray) -> tuple[float, float]:
     """The range of values, a few of them apart."""
-    least, most = np.quantile(values, [0.01, 0.99])
-    return float(least), float(most)
+    return float(np.quantile(values, 0.01, method="higher")), float(np.quantile(values, 0.99, method="lower"))
 
 
 def _counted(heading: np.ndarray) -> bool:

@@ -16,6 +16,7 @@ from auv_gym.records.mapping import YOURS, Names, Source, fitting_mappings, sour
 from auv_gym.records.merging import Stream
 from auv_gym.records.readers.text import numbers_or_text
 
+NO_VALUE = "samples has a value."  # the end of a note on an empty column
 _EPOCH_FROM = 1e8  # s; larger times count from 1970 and are shifted to start at zero
 
 
@@ -115,7 +116,7 @@ def _chosen(
         _, converted = source.target.channel_and_values(column.astype(np.float64), source.unit)
         if not np.isfinite(converted).any():
             empty[name] = f"any of its {converted.size} samples (column {source.column!r})"
-            notes.append(f"{source.column}: left out, since none of its {converted.size:,} samples has a value.")
+            notes.append(f"{source.column}: left out, since none of its {converted.size:,} {NO_VALUE}")
             continue
         first.append(source)
         values.setdefault(id(source.group), {})[name] = converted

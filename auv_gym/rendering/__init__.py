@@ -1,9 +1,9 @@
 """Pictures of a run: a scene in, an RGB array or a window out. Needs the extra `render`."""
 
-try:
+from auv_gym.extra import needs
+
+with needs("Rendering needs matplotlib", "render"):
     import matplotlib  # noqa: F401
-except ImportError as error:
-    raise ImportError(f"Rendering needs matplotlib ({error}): pip install 'auv-gym[render]'.") from error
 
 from auv_gym.rendering.camera import Camera
 from auv_gym.rendering.dive import Dive

@@ -12,7 +12,7 @@ import numpy as np
 from auv_gym.channels import channel, wrap
 from controllers.composed.excited import command_without_excitation
 from controllers.composed.loops import commanded_inputs, targets_of
-from controllers.controller import Controller
+from controllers.controller import Controller, time_step
 
 
 class Track(NamedTuple):
@@ -100,11 +100,12 @@ class Envelope:
     def act(
         self, state: EnvelopeState, reading: Mapping[str, float], target: Mapping[str, float]
     ) -> tuple[dict[str, float], EnvelopeState]:
+        dt = time_step(reading)
         tracks = {name: self._tracked(name, state.tracks.get(name), reading) for name in self.limits}
-        horizon = reading["dt_s"] + self.lookahead  # the present command is held for a sample
+        horizon = dt + self.lookahead  # the present command is held for a sample
         leaving = frozenset(name for name, track in tracks.items() if self._beyond(name, track, horizon, 1.0))
         inside = not any(self._beyond(name, track, horizon, 1.0 - self.release) for name, track in tracks.items())
-        calm = state.calm + reading["dt_s"] if inside and state.guarding else 0.0
+        calm = state.calm + dt if inside and state.guarding else 0.0
         guarding = bool(leaving) or (state.guarding and calm < self.calm)
         causes = (state.causes | leaving) if guarding else frozenset()
         if guarding:

@@ -11,7 +11,7 @@ import numpy as np
 
 from auv_gym.channels import channel
 from controllers.composed.loops import commanded_inputs, targets_of
-from controllers.controller import Controller
+from controllers.controller import Controller, time_step
 
 
 class ExcitedState(NamedTuple):
@@ -76,7 +76,7 @@ class Excited:
     def act(
         self, state: ExcitedState, reading: Mapping[str, float], target: Mapping[str, float]
     ) -> tuple[dict[str, float], ExcitedState]:
-        elapsed = 0.0 if state.elapsed is None else state.elapsed + reading["dt_s"]
+        elapsed = 0.0 if state.elapsed is None else state.elapsed + time_step(reading)
         at = floor(elapsed / self.dt + 1e-6)  # times are sums of intervals, with rounding
         added = {name: float(values[at]) if at < len(values) else 0.0 for name, values in self.signals.items()}
         wanted = {name: value + added.get(name, 0.0) for name, value in target.items()}

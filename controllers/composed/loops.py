@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from auv_gym.channels import is_flag, set_point_of
-from controllers.controller import Controller
+from controllers.controller import Controller, check_targets
 
 
 class CascadeState(NamedTuple):
@@ -94,6 +94,7 @@ class Joint:
     def act(
         self, state: tuple[Any, ...], reading: Mapping[str, float], target: Mapping[str, float]
     ) -> tuple[dict[str, float], tuple[Any, ...]]:
+        check_targets(self, target)
         commands, after = {}, []
         for controller, memory in zip(self.controllers, state, strict=True):
             if all(name in target for name in targets_of(controller)):

@@ -11,7 +11,7 @@ import numpy as np
 
 from controllers.allocation import AXES
 from controllers.composed.allocated import SHORT
-from controllers.controller import time_step
+from controllers.controller import check_targets, time_step
 from controllers.hovering.dynamics import OVER_GROUND, POSE, RATES, HoverDynamics, rotation, turning
 from controllers.hovering.reference import Pace, Way
 from controllers.tracking import error_of
@@ -78,6 +78,7 @@ class HoverPid:
         self, state: HoverState, reading: Mapping[str, float], target: Mapping[str, float]
     ) -> tuple[dict[str, float], HoverState]:
         """The wrench in body axes and the next memory."""
+        check_targets(self, target)
         dt, gains = time_step(reading), self.gains
         pose = np.array([reading.get(name, nan) for name in POSE])
         usual = {**dict.fromkeys(POSE, nan), **dict.fromkeys(self.level, 0.0)}

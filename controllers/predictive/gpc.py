@@ -13,7 +13,7 @@ import numpy as np
 from auv_gym.channels import channel
 from auv_gym.models.linear import Polynomial, StateSpace
 from auv_gym.param import did_you_mean
-from controllers.controller import time_step
+from controllers.controller import check_targets, target_of, time_step
 from controllers.predictive.increments import Increments, polynomial_increments, state_space_increments
 from controllers.predictive.program import Aims, Program, build, solver
 
@@ -283,12 +283,10 @@ class Gpc:
         return np.array([reading.get(name, np.nan) for name in self.model.outputs]) - self.model.output_offset
 
     def _wanted(self, target: Mapping[str, float]) -> np.ndarray:
-        wanted = []
-        for name in self.model.outputs:
-            value = target.get(name, self.nominal.get(name)) if name in self.weights else 0.0
-            if value is None:
-                raise ValueError(f"Gpc needs a target for {name}, got targets for {', '.join(target) or 'nothing'}.")
-            wanted.append(value)
+        check_targets(self, target)
+        asked = {name: target.get(name, usual) for name, usual in self.nominal.items()}
+        asked |= {name: target_of(self, name, target) for name in self.targets}
+        wanted = [asked[name] if name in self.weights else 0.0 for name in self.model.outputs]
         return np.array(wanted) - self.model.output_offset
 
     def _wrapped(self, difference: np.ndarray) -> np.ndarray:

@@ -63,6 +63,12 @@ def test_an_offset_is_told_in_the_unit_of_the_column(log):
     assert '"Yaw [deg]" = { to = "heading_deg", factor = -1.0, offset = 180.0 }' in told
 
 
+def test_of_several_possible_units_none_is_written(log):
+    slip = Slip("", "multiply pitch_rad by 1 or 2, whichever is right", ("pitch_rad",))
+    told = next_command([Doubt("", ("pitch_rad",), 9.0, slip.mend, slip)], [str(log)], None, None, "--vehicle slocum")
+    assert told == f"in the file, {slip.mend}, then auv-gym diagnose {log} --vehicle slocum"
+
+
 def test_what_no_mapping_can_mend_is_to_be_mended_in_the_file(log):
     told = next_command([doubted("time runs at half", log)], [str(log)], None, None, "--vehicle slocum")
     assert told == f"in the file, multiply time_s by 2, then auv-gym diagnose {log} --vehicle slocum"

@@ -110,4 +110,4 @@ def test_without_dask_the_extra_is_named(tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     (tmp_path / "guide.toml").write_text(GUIDE[0])
     assert run(tmp_path / "guide.toml", tmp_path / "out", "--scheduler", "tcp://127.0.0.1:9") == 1
-    assert "auv-gym[distributed]" in capsys.readouterr().err
+    assert "in the clone of auv-gym: pip install '.[distributed]'" in capsys.readouterr().err

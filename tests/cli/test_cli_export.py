@@ -91,11 +91,11 @@ def test_the_name_of_a_data_set_is_checked_before_the_log_is_read(tmp_path, monk
 def test_a_missing_package_names_its_extra(package, module, monkeypatch):
     monkeypatch.setitem(sys.modules, package, None)
     monkeypatch.delitem(sys.modules, f"auv_gym.exports.{module}", raising=False)
-    with pytest.raises(ImportError, match=rf"pip install 'auv-gym\[{package}\]'"):
+    with pytest.raises(ImportError, match=rf"in the clone of auv-gym: pip install '\.\[{package}\]'"):
         importlib.import_module(f"auv_gym.exports.{module}")
 
 
 def test_a_missing_control_names_its_extra(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "control", None)
     assert main(["export", "npsauv", "--to", "control"]) == 1
-    assert "pip install 'auv-gym[control]'" in " ".join(capsys.readouterr().err.split())
+    assert "in the clone of auv-gym: pip install '.[control]'" in " ".join(capsys.readouterr().err.split())

@@ -51,7 +51,7 @@ def test_a_log_with_the_command_alone_is_judged_as_a_diagnosis_reads_it(tmp_path
     assert text.endswith(f"Next: auv-gym diagnose {path} --vehicle slocum --out diagnosis")
     path = write(tmp_path / "still.csv", columns | {"rudder_cmd_deg": 0.0 * t})
     assert main(["look", str(path), "--vehicle", "slocum"]) == 0
-    assert "Nothing excites the vehicle: rudder_rad is constant at 0 (rad)" in said(capsys)
+    assert "Nothing excites the vehicle: rudder_rad is constant at 0 rad" in said(capsys)
 
 
 def test_it_says_which_values_a_diagnosis_takes_for_no_readings(tmp_path, capsys):
@@ -180,14 +180,57 @@ def test_of_vehicles_that_match_alike_none_is_chosen_for_a_mapping(log, capsys):
     assert text.endswith("ganeshblue or ganeshblue_corrected or slocum")
 
 
-def test_of_a_table_that_fits_nothing_the_vehicle_is_left_to_the_reader(tmp_path, capsys):
+def test_a_table_that_is_no_log_is_to_get_a_time(tmp_path, capsys):
     path = write(tmp_path / "curve.csv", {"command": (0, 1, 2), "thrust_N": (0, 5, 9)})
     assert main(["look", str(path)]) == 0
     text = said(capsys)
     assert "What is missing: There is no column time_s" in text
-    assert text.endswith(
-        "--vehicle NAME --mapping-out names.toml, where NAME is your vehicle: see auv-gym list vehicles"
+    assert text.endswith(f"(--mapping-out names.toml writes one), then auv-gym look {path}")
+
+
+@pytest.mark.parametrize("time", [{}, {"time_s": np.full(50, 5.0)}])
+def test_a_log_without_a_time_is_not_compared_with_vehicles(tmp_path, capsys, time):
+    k = np.arange(50)
+    path = write(tmp_path / "log.csv", time | {"heading_rad": 0.01 * k, "rudder_rad": 0.1 * np.sin(k)})
+    assert main(["look", str(path)]) == 0
+    text = said(capsys)
+    assert "log.csv: a table in text, 50 rows" in text
+    assert "missing channels" not in text
+    assert "Next: write a column time_s (s) into the file" in text
+
+
+def test_a_log_without_values_is_to_be_exported_again(tmp_path, capsys):
+    k = np.arange(50)
+    columns = {"time_s": k} | {f"{name}_rad": np.full(50, np.nan) for name in ("heading", "rudder", "pitch", "roll")}
+    path = write(tmp_path / "log.csv", columns | {"depth_m": np.full(50, np.nan), "u_mps": np.full(50, np.nan)})
+    assert main(["look", str(path)]) == 0
+    text = said(capsys)
+    assert "And 1 more. Its columns are empty" in text
+    assert text.endswith("Next: export the log again, or use another one")
+
+
+def test_several_logs_are_refused(log, capsys):
+    assert main(["look", str(log), str(log)]) == 1
+    assert "look takes one log, got 2" in capsys.readouterr().err
+
+
+def test_a_set_point_is_not_offered_for_a_measurement(tmp_path, capsys):
+    k = np.arange(50)
+    columns = {"time_s": k, "heading_cmd_rad": 0.01 * k, "rudder_rad": 0.1 * np.sin(k)}
+    assert main(["look", str(write(tmp_path / "log.csv", columns)), "--vehicle", "slocum"]) == 0
+    assert "looks like `heading_rad`" not in said(capsys)
+
+
+def test_signs_factors_and_constants_of_a_mapping_are_shown(log, tmp_path, capsys):
+    names = tmp_path / "names.toml"
+    names.write_text(
+        'm_fin = "-rudder_rad"\nvacuum_inHg = { to = "depth_m", factor = 0.1 }\nspeed_cmd_mps = 1.5\n',
     )
+    assert main(["look", str(log), "--mapping", str(names)]) == 0
+    text = said(capsys)
+    assert "m_fin -rudder_rad 1" in text
+    assert "vacuum_inHg 0.1 x depth_m" in text
+    assert "Constant, as a mapping or the file states: speed_cmd_mps = 1.5 m/s" in text
 
 
 def test_a_mapping_that_names_no_column_is_to_be_corrected(log, tmp_path, capsys):
@@ -388,7 +431,7 @@ def test_a_log_that_a_diagnosis_would_refuse_is_to_be_corrected_first(tmp_path, 
     for options in ([], ["--vehicle", "slocum"]):
         assert main(["look", str(log), *options]) == 0
         text = said(capsys)
-        assert "Nothing excites the vehicle: rudder_rad is constant at 0 (rad)" in text
+        assert "Nothing excites the vehicle: rudder_rad is constant at 0 rad" in text
         assert "Next: first correct what looks wrong, since a diagnosis would refuse this log." in text
         assert "auv-gym diagnose" not in text
     turned = dive_log(tmp_path / "turned.csv", pitch_rad=lambda columns: -columns["pitch_rad"])

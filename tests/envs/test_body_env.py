@@ -546,7 +546,7 @@ def lacking(**changes):
         ({"task": "Speed", "target": -3.0}, r"target\['u_mps'\] needs a value from 0 to 5.91 m/s"),
         ({"vehicle": 3}, "A vehicle is the name of a preset .*, got 3"),
         ({"model": 3}, "model= needs a model, got 3"),
-        ({"effects": [1]}, "effects= needs values by parameter path"),
+        ({"effects": [1]}, "effects= needs values by parameter path, .*`auv-gym list effects VEHICLE` lists the paths"),
         ({"dt": "0.1"}, "dt needs a number above 0"),
         ({"actions": ["rudder_rad", "propeller_rp"]}, "does not move remus100. Did you mean 'propeller_rpm'"),
         ({"actions": ["bow_plane_rad"]}, "does not move remus100"),

@@ -386,7 +386,7 @@ HEAD, BODY = 'family = "glider"\n', 'family = "body"\n'
 RUDDER = BODY + '[parts.rudder]\nkind = "surface"\naxis = "yaw"\n'
 BAD_FILES = {
     "not TOML": ("family = ", "Vehicle file v.toml is not valid TOML: "),
-    "no family": ("dt_s = 1.0", f"needs family = one of {NAMES}, got 'nothing'"),
+    "no family": ("dt_s = 1.0", f"needs family = one of {NAMES}, got none"),
     "another family": ('family = "blimp"', f"needs family = one of {NAMES}, got 'blimp'"),
     "family of another type": ("family = [1]", f"needs family = one of {NAMES}, got [1]"),
     "unknown key": (HEAD + "dt = 1.0", "unknown key 'dt'. Did you mean 'dt_s'? Known: family, name"),

@@ -77,7 +77,7 @@ def test_without_gsw_depth_is_that_of_middle_latitudes_and_says_so(monkeypatch):
     assert "the extra seawater does better" in derived["depth_m"]
     assert hydrography(values, [ctd], {}, notes) == {}
     assert len(notes) == 1
-    assert "auv-gym[seawater]" in notes[0]
+    assert "in the clone of auv-gym: pip install '.[seawater]'" in notes[0]
     assert hydrography(complete(stream(pressure_dbar=1000.0))[0], [ctd], {}, notes) == {}
     assert len(notes) == 1  # nothing that it could be worked out from
 

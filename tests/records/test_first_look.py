@@ -137,7 +137,7 @@ def test_a_log_in_which_nothing_is_known_is_looked_at_all_the_same(tmp_path):
         ({"rudder_rad": 25.0 * np.sin(np.arange(100))}, 'map it to "rudder_deg"'),
         ({"depth_m": -5 - 0.1 * np.arange(100)}, 'positive upwards: map it to "-depth_m"'),
         ({"u_mps": 150.0 + np.sin(np.arange(100))}, "centimetres per second"),
-        ({"depth_m": 50_000 + np.arange(100.0)}, "centimetres"),
+        ({"depth_m": 50_000 + np.arange(100.0)}, 'centimetres or millimetres: map it to "depth_cm" or "depth_mm",'),
         ({"heading_deg": np.linspace(0.0, 6.28, 100)}, "looks like radians"),
         ({"buoyancy_volume_m3": 200.0 * np.sin(np.arange(100))}, 'centimetres: map it to "buoyancy_volume_cm3"'),
     ],
@@ -145,6 +145,22 @@ def test_a_log_in_which_nothing_is_known_is_looked_at_all_the_same(tmp_path):
 def test_units_and_signs_that_cannot_be_are_doubted(tmp_path, changes, words):
     look = look_at(write(tmp_path / "log.csv", {**columns(), **changes}))
     assert any(words in line for line in look.doubts), look.doubts
+
+
+def test_the_unit_of_a_depth_follows_from_speed_and_pitch(tmp_path):
+    t = 4.0 * np.arange(300)
+    pitch = 0.4 * np.sin(t / 100.0)
+    depth = 50_000.0 - 1000.0 * np.cumsum(4.0 * 0.4 * np.sin(pitch))
+    made = {"time_s": t, "pitch_rad": pitch, "u_mps": np.full(t.size, 0.4), "depth_m": depth}
+    (doubt,) = look_at(write(tmp_path / "log.csv", made)).doubts
+    assert doubt.endswith('it looks like millimetres: map it to "depth_mm".')
+
+
+def test_a_few_impossible_inputs_are_named(tmp_path):
+    rudder = 0.3 * np.sin(np.arange(100))
+    rudder[40] = 1e9
+    (doubt,) = look_at(write(tmp_path / "log.csv", {**columns(), "rudder_rad": rudder})).doubts
+    assert doubt.startswith("rudder_rad: 1 of 100 values is impossible for rudder, such as 1e+09 rad.")
 
 
 def turning(rate_factor=1.0, time_factor=1.0):

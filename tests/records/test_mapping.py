@@ -45,6 +45,8 @@ def test_a_mapping_renames_turns_scales_and_shifts():
         ({"a": {"to": "depth_m", "factor": "__import__('os')"}}, "one text per column"),
         ({"a": {"to": "depth_m", "factor": float("inf")}}, "one text per column"),
         ({"*": "depth_m"}, "can only be ''"),
+        (5, "A mapping needs a dict .*, or the path of a TOML file, got 5"),
+        ([("Hdg", "heading_deg")], "A mapping needs a dict"),
     ],
 )
 def test_a_mapping_does_nothing_else(mapping, words):

@@ -51,7 +51,8 @@ def test_a_dive_begins_below_the_surface_and_ends_there():
     assert np.array_equal(record.time, 60.0 * np.arange(2, 13))
     assert np.array_equal(record["depth_m"], DEPTHS[2:13])
     assert record.labels == ["a"]
-    assert record.attrs == {"source": "log.csv"}
+    assert record.attrs["source"] == "log.csv"
+    assert "oil_volume_m3: oil that pump and valves moved" in record.attrs["derived"]
 
 
 def test_oil_comes_as_what_pump_and_valve_have_moved_and_how_deep_the_valve_was():

@@ -1,4 +1,5 @@
 from datetime import UTC, datetime
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -75,6 +76,21 @@ def test_gaps_cut_the_record(tmp_path):
     path = write(tmp_path / "log.csv", "time_s,depth_m\n" + "".join(f"{t},1\n" for t in times))
     assert len(read_record(path).segments) == 2
     assert len(read_record(path, max_gap_s=1e4).segments) == 1
+
+
+@pytest.mark.parametrize(
+    "arguments, settings, words",
+    [
+        ((123,), {}, "read_record needs the path of a log, or a list of paths, got 123"),
+        ((None,), {}, "read_record needs the path of a log, or a list of paths, got None"),
+        (("log.csv", 5), {}, "A mapping needs a dict .*, or the path of a TOML file, got 5"),
+        (("log.csv",), {"max_gap_s": -1}, "^max_gap_s needs a number above 0 in s, got -1"),
+        (("log.csv",), {"max_gap_s": "x"}, "^max_gap_s needs a number above 0 in s, got 'x'"),
+    ],
+)
+def test_arguments_of_another_kind_are_refused(arguments, settings, words):
+    with pytest.raises(ValueError, match=words):
+        read_record(*arguments, **settings)
 
 
 def test_time_units_dates_and_epochs(tmp_path):
@@ -309,6 +325,22 @@ def test_what_a_vehicle_requires_may_cut_what_it_does_not_may_cost_little(tmp_pa
     assert len(read_record(path, required=["heading_rad", "roll_rad"])) == 70
 
 
+@pytest.mark.parametrize("path", ["https://example.com/a.csv", Path("http://example.com/a.csv")])
+def test_an_address_is_no_file(path):
+    with pytest.raises(ValueError, match="is an address, not a file: download it first"):
+        read_record(path)
+
+
+@pytest.mark.parametrize(
+    "name, command", [("log.csv.gz", "gunzip"), ("log.zip", "unzip"), ("log.7z", "7z x"), ("log.tar", "tar xf")]
+)
+def test_a_packed_log_is_to_be_unpacked(tmp_path, name, command):
+    path = tmp_path / name
+    path.write_bytes(b"\x1f\x8b\x08\x00\x00" * 20)
+    with pytest.raises(ValueError, match=rf"is packed\. Unpack it first: {command} {path}"):
+        read_record(path)
+
+
 def test_a_missing_channel_is_named_with_what_looks_like_it(tmp_path):
     path = write(tmp_path / "log.csv", "time_s,heading_deg,m_fin\n0,1,2\n1,2,3\n2,3,4\n")
     with pytest.raises(ValueError, match=r"no channel rudder_rad.*`m_fin` looks like `rudder_rad`.*auv-gym look"):
@@ -325,8 +357,10 @@ def test_a_command_serves_where_the_input_was_not_measured(tmp_path):
 
 def test_a_set_point_never_serves_as_a_measurement(tmp_path):
     path = write(tmp_path / "log.csv", "time_s,depth_m,heading_cmd_deg,rudder_deg\n0,1,2,3\n1,2,3,4\n2,3,4,5\n")
-    with pytest.raises(ValueError, match="no channel heading_rad"):
+    with pytest.raises(ValueError, match="no channel heading_rad") as raised:
         read_record(path, required=["heading_rad", "rudder_rad"])
+    assert "looks like" not in str(raised.value)
+    assert "constant" not in str(raised.value)
 
 
 def test_a_sensor_that_is_slower_than_the_rows_is_known_as_such(tmp_path):

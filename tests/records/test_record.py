@@ -1,11 +1,13 @@
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 from hypothesis import given, strategies as st
 
-from auv_gym.records.record import Record, concat, records_of
+from auv_gym.records.record import Record, check_record, concat, records_of
 
 
 def record(n=50, dt=4.0, **more):
@@ -228,7 +230,8 @@ def test_gaps_cut_the_record():
     assert len(r.split_gaps(1000.0).segments) == 1
     assert not r.is_uniform()
     assert record().split_gaps().segments == [slice(0, 50)]
-    with pytest.raises(ValueError, match="positive"):
+    assert len(r.split_gaps(np.inf).segments) == 1
+    with pytest.raises(ValueError, match="max_gap_s needs a number above 0 in s, got -1"):
         r.split_gaps(-1.0)
 
 
@@ -375,6 +378,21 @@ def test_a_record_is_a_mapping_of_channels_and_no_sequence_of_samples():
 def test_other_data_than_records_are_refused(given, words):
     with pytest.raises(ValueError, match=f"A fit {words}"):
         records_of("A fit", given)
+
+
+@pytest.mark.parametrize(
+    "given, words",
+    [
+        ("mission.csv", r"got 'mission.csv': read_record\('mission.csv'\) reads it"),
+        (Path("mission.csv"), r"got 'mission.csv': read_record\('mission.csv'\) reads it"),
+        (pd.DataFrame(), "got a DataFrame: Record.from_arrays makes one of arrays"),
+        ([record()], "got a list: join several with concat"),
+    ],
+)
+def test_something_else_than_a_record_is_refused(given, words):
+    with pytest.raises(ValueError, match=f"A diagnosis needs a record, {words}"):
+        check_record("A diagnosis", given)
+    check_record("A diagnosis", record())
 
 
 def test_a_record_is_saved_under_its_own_ending(tmp_path):

@@ -55,7 +55,7 @@ def test_without_matplotlib_the_error_names_the_extra(monkeypatch):
     for name in [name for name in sys.modules if name.startswith("auv_gym.rendering")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(ImportError, match=r"pip install 'auv-gym\[render\]'"):
+    with pytest.raises(ImportError, match=r"pip install '\.\[render\]'"):
         importlib.import_module("auv_gym.rendering")
 
 

@@ -44,12 +44,14 @@ def _lines(slips: Sequence[Slip], log: str, mapping: Path | None, cache_dir: Pat
 
 
 def _undoing(slip: Slip, used: Mapping[str, Source]) -> list[str]:
-    """The lines that undo one slip.  used: the column that each channel is taken from."""
+    """The lines that undo one slip, if it is certain how.  used: the column that each channel is taken from."""
     from auv_gym.records.first_look import corrected
 
     if slip.clock != 1.0 or not all(name in used for name in slip.channels):
         return []
     if slip.exchanged:
         return [corrected(used[name], other) for name, other in zip(slip.channels, reversed(slip.channels))]
+    if not slip.factors:
+        return []
     pairs = zip(slip.channels, slip.factors, strict=True)
     return [corrected(used[name], name, factor, slip.offset) for name, factor in pairs]

@@ -31,6 +31,13 @@ def next_command(matches: Matches, log: str, chosen: bool, mapping: Path | None,
         return f"write the dates in the file as it says above, then auv-gym look {file}{options}{given}"
     if found.known is None and mapping is not None and written is None:
         return f"correct {quote(str(mapping))} as it says above, then auv-gym look {file}{options}{given}"
+    if found.empty:
+        return "export the log again, or use another one"
+    if found.untimed:
+        return (
+            "write a column time_s (s) into the file, or name the column that holds time in a mapping (--mapping-out "
+            f"names.toml writes one), then auv-gym look {file}{options}{given}"
+        )
     if matches.refused:
         return _next_diagnosis(matches, log, written or mapping)
     turned, missing = matches.turned[best], matches.missing(best)
@@ -54,9 +61,9 @@ def _nothing_fits(matches: Matches, log: str, chosen: bool, given: str) -> str:
     """What to type where the log has nothing that a vehicle needs; chosen: the one that the reader named."""
     if not chosen:
         return (
-            "auv-gym list parts (no preset has this log's inputs: write a vehicle file, see "
-            "docs/guides/add_a_vehicle.md, then run look again with --vehicle FILE; if the log has only joystick axes, "
-            "see docs/logs.md)"
+            "auv-gym list parts (no preset finds all that it needs in this log: add what is missing to the log, or "
+            "write a vehicle file, see docs/guides/add_a_vehicle.md, then run look again with --vehicle FILE; if the "
+            "log has only joystick axes, see docs/logs.md)"
         )
     from auv_gym.param import listed
 

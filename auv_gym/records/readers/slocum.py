@@ -300,7 +300,8 @@ def _fetch_cache(name: str, places: list[Path], private: Path) -> None:
     raise ValueError(
         f"needs the sensor list {name}, which is not in {', '.join(map(str, dict.fromkeys(places)))}. Copy that file "
         "from the glider to one of these folders, or name its folder. For the logs that dbdreader ships, "
-        "it is in dbdreader/data/cac of dbdreader's source archive, which pip does not install: "
+        "`make slocum-cache` in a clone of auv-gym adds it to the clone's .venv. It is in dbdreader/data/cac of "
+        "dbdreader's source archive, which pip does not install: "
         "`pip download --no-deps --no-binary dbdreader dbdreader`."
     )
 

@@ -243,7 +243,7 @@ def test_a_chunk_that_claims_to_grow_without_bounds_is_not_unpacked(tmp_path):
 def test_without_the_packages_the_sentence_says_what_to_install(tmp_path, monkeypatch, package):
     path = write_mcap(tmp_path / "log.mcap", sample(False, 2))
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(ValueError, match=r"MCAP files are read by .*`pip install auv-gym\[ros\]`"):
+    with pytest.raises(ValueError, match=r"MCAP files are read by .*pip install '\.\[ros\]'"):
         FORMAT.read(path, ALL)
 
 

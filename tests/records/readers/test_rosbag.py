@@ -550,7 +550,7 @@ def test_without_rosbags_the_sentence_says_what_to_install(tmp_path, monkeypatch
     path = tmp_path / name
     path.write_bytes(b"#ROSBAG V2.0\n")
     monkeypatch.setitem(sys.modules, "rosbags", None)
-    with pytest.raises(ValueError, match=r"ROS bags are read by the package rosbags.*`pip install auv-gym\[ros\]`"):
+    with pytest.raises(ValueError, match=r"ROS bags are read by the package rosbags.*pip install '\.\[ros\]'"):
         form.read(path, ALL)
 
 

@@ -200,7 +200,7 @@ def test_logs_that_need_a_sensor_list(name, tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     path, folder = bundled_slocum_log(name), bundled_slocum_log(name).parent / "cac"
     if not (folder / "468fd1be.cac").is_file():
-        with pytest.raises(ValueError, match=r"needs the sensor list 468fd1be\.cac.*pip download"):
+        with pytest.raises(ValueError, match=r"needs the sensor list 468fd1be\.cac.*make slocum-cache.*pip download"):
             FORMAT.read(path, Scope())
         return
     depth = sensor(FORMAT.read(path, Scope(groups={"m_depth"})), "m_depth")
@@ -314,9 +314,9 @@ def test_what_is_no_slocum_log(tmp_path):
 
 def test_without_dbdreader_the_extra_is_named(monkeypatch, tmp_path):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(ValueError, match=r"pip install auv-gym\[slocum\]"):
+    with pytest.raises(ValueError, match=r"pip install '\.\[slocum\]'"):
         bundled_slocum_log("ammonite")
-    with pytest.raises(ValueError, match=r"pip install auv-gym\[slocum\]"):
+    with pytest.raises(ValueError, match=r"pip install '\.\[slocum\]'"):
         FORMAT.read(put(tmp_path / "x.dbd", b"dbd_label"), Scope())
 
 

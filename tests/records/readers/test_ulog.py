@@ -207,5 +207,5 @@ def test_a_gigabyte_of_zeros_is_cut_off_at_once(tmp_path):
 def test_without_pyulog_the_sentence_says_what_to_install(tmp_path, monkeypatch):
     path = write(tmp_path / "log.ulg", 2)
     monkeypatch.setitem(sys.modules, "pyulog", None)
-    with pytest.raises(ValueError, match=r"PX4 logs are read by the package pyulog.*`pip install auv-gym\[px4\]`"):
+    with pytest.raises(ValueError, match=r"PX4 logs are read by the package pyulog.*pip install '\.\[px4\]'"):
         FORMAT.read(path, ALL)
