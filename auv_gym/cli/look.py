@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from auv_gym.records.first_look import FirstLook, SignalLook
 
 _HINTED = 3  # vehicles for which columns are named that look like what is missing
+_BRIEF = 60.0  # s; any vehicle's log should be longer, see docs/index.md
 _MOST = 40  # rows of the table of signals, and lines of what was left out
 
 
@@ -85,7 +86,7 @@ def look(
     refused = matches.refused
     told = [vehicle] if vehicle else list(refused) if all(refused.values()) else []
     wrong = dict.fromkeys(line for name in told for line in _wrong_for(name, matches))
-    _print_list("Looks wrong", [*found.doubts, *wrong], True)
+    _print_list("Looks wrong", [*found.doubts, *wrong, *_brief(matches)], True)
     if found.unread:
         output.print("The log is compared with vehicles once it can be read.")
     else:
@@ -96,6 +97,17 @@ def look(
     output.print()
     following = next_command(matches, log, vehicle is not None, mapping, mapping_out)
     output.print(f"Next: {following}", markup=False, soft_wrap=True)
+
+
+def _brief(matches: Matches) -> Sequence[str]:
+    """A line on a log that is very short, but not refused."""
+    record = matches.own[matches.best[0]].record
+    if record is None or matches.found.sampled is not None or all(matches.refused.values()):
+        return ()
+    lasts = record.duration_s
+    if lasts >= _BRIEF:
+        return ()
+    return [f"The log is only {_duration(lasts)} long. Below one minute, a diagnosis finds large effects at most."]
 
 
 def _wrong_for(vehicle: str, matches: Matches) -> Sequence[str]:

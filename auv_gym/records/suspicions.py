@@ -152,6 +152,8 @@ def _climb(record: Record) -> float:
     if not all(map(record.has, ("depth_m", "u_mps", "pitch_rad"))):
         return np.nan
     sunk, along = _increments(record, record["depth_m"], -record["u_mps"] * np.sin(record["pitch_rad"]), block=10.0)
+    known = np.isfinite(sunk) & np.isfinite(along)
+    sunk, along = sunk[known], along[known]
     if sunk.size < _LEAST or not (sunk.std() > 0.0 and along.std() > 0.0):
         return np.nan
     clear = abs(float(np.corrcoef(sunk, along)[0, 1])) > _STEEP

@@ -177,9 +177,9 @@ def test_a_log_is_not_resampled_to_far_more_samples_than_it_has(log, tmp_path, c
 def test_windows_shorter_than_two_samples_are_refused(log, tmp_path, capsys):
     path = write_csv(tmp_path / "log.csv", columns_of(log))
     assert run(path, tmp_path / "out", "--window", "0.1") == 1
-    assert "samples 4 s apart): choose longer windows" in " ".join(capsys.readouterr().err.split())
+    assert "4 s apart): choose longer windows or a smaller --resample" in " ".join(capsys.readouterr().err.split())
     assert main(["compare", "slocum", "--record", str(path), "--window", "0.1"]) == 1
-    assert "4 s apart: choose longer windows or a smaller --resample" in " ".join(capsys.readouterr().err.split())
+    assert "samples 4 s apart: choose longer windows" in " ".join(capsys.readouterr().err.split())
 
 
 def test_an_unknown_vehicle_is_answered_with_the_nearest_names(tmp_path, capsys):

@@ -209,6 +209,18 @@ def test_a_log_without_values_is_to_be_exported_again(tmp_path, capsys):
     assert text.endswith("Next: export the log again, or use another one")
 
 
+@pytest.mark.parametrize("seconds, said_so", [(50.0, True), (90.0, False)])
+def test_a_log_shorter_than_a_minute_is_remarked(tmp_path, capsys, seconds, said_so):
+    t = np.arange(0.0, seconds, 0.05)
+    angles = {f"{name}_rad": 0.2 * np.sin(t / 3.0 + k) for k, name in enumerate(("roll", "pitch", "heading"))}
+    shares = {f"t{k}_share": 0.3 * np.sin(t / 2.0 + k) for k in range(1, 9)}
+    path = write(tmp_path / "log.csv", {"time_s": t} | angles | shares)
+    assert main(["look", str(path), "--vehicle", "bluerov2_heavy"]) == 0
+    text = said(capsys)
+    assert ("- The log is only 50 s long. Below one minute" in text) is said_so
+    assert f"Next: auv-gym diagnose {path}" in text
+
+
 def test_several_logs_are_refused(log, capsys):
     assert main(["look", str(log), str(log)]) == 1
     assert "look takes one log, got 2" in capsys.readouterr().err
