@@ -29,6 +29,7 @@ from scipy.optimize import linear_sum_assignment
 
 from auv_gym.param import spec_at
 from auv_gym.plant import Plant, load_vehicle
+from auv_gym.plant.record_check import needs_of
 from auv_gym.records.record import Record
 from identification.diagnosis import Diagnosis, diagnose
 from scripts.blind.cases import FAMILIES, Drawn, Undrawn, draw, sketch
@@ -144,8 +145,8 @@ def _read(log: Log, data: Path) -> tuple[Record, Plant]:
         return read_dives(log, data)
     if log.run is diagnose_flight:
         return read_flight(log, data)
-    plant = load_vehicle(log.vehicle)  # registers its channels
-    return log.record(data, log.files), plant
+    plant = load_vehicle(log.vehicle)
+    return log.record(data, log.files, needs_of(plant)), plant
 
 
 def groups_of(found: Diagnosis) -> list[list[str]]:
