@@ -84,9 +84,7 @@ class GlideWaterEffects:
     heave_sin: float = param(0.0, "m/s", "internal-wave heave, sine of time", bounds=(-0.5, 0.5), probe=3e-3)
     heave_cos: float = param(0.0, "m/s", "internal-wave heave, cosine of time", bounds=(-0.5, 0.5), probe=3e-3)
     heave_period: float = param(600.0, "s", "period of the internal-wave heave", bounds=(60.0, 1e5), probe=20.0)
-    salinity: float = param(
-        0.0, "1", "salinity error of the CTD", bounds=(-1.0, 1.0), probe=0.05, apart=_SAMPLES
-    )
+    salinity: float = param(0.0, "1", "salinity error of the CTD", bounds=(-1.0, 1.0), probe=0.05, apart=_SAMPLES)
     gradient: float = param(0.0, "kg/m^4", "density stratification", bounds=(0.0, 0.5), probe=1e-3, apart=_PROFILE)
 
 
