@@ -15,7 +15,7 @@ def quantity(value: float, unit: str, figures: int = 3) -> str:
         return "not detectable"
     scale, unit = for_people(unit)
     value *= scale
-    long = 1e3 <= abs(value) < 1e6
+    long = 10.0 ** min(figures, 3) <= abs(value) < 1e6
     digits = f"{value:.{max(figures - 4, 0)}f}" if long else f"{value:{'#' * (figures > 3)}.{figures}g}"
     return typeset(f"{digits} {'' if unit == '1' else unit}".strip())
 

@@ -160,10 +160,16 @@ def _likelier_sentence(d: Result) -> str:
     """The members of a tie that are more probable than the effect in the fitted vehicle, and why."""
     told = []
     for e in d.effects:
+        reasons: dict[str, list[str]] = {}
         for m in likelier(e):
             spared = listed([short(d.titles.get(p, p)) for p in m.spared])
             why = f", since no {spared} is needed with it" if spared else " if all sets of effects are counted"
-            told.append(f"The fitted vehicle has {short(e.name)}; {short(m.title)} is more probable{why}.")
+            reasons.setdefault(why, []).append(short(m.title))
+        others = [
+            f"{listed(names)} {'is' if len(names) == 1 else 'are'} more probable{w}" for w, names in reasons.items()
+        ]
+        if others:
+            told.append(f"The fitted vehicle has {short(e.name)}; {'; '.join(others)}.")
     return " ".join(told)
 
 
@@ -233,9 +239,10 @@ def _slight_sentence(d: Result) -> str:
         share, name = _most_changed(d, e)
         if share < SLIGHT:
             size, noise = quantity(e.changes[name], channel(name).unit), quantity(d.noise_of(name), channel(name).unit)
+            others = ", and by even less in other channels" if len(e.changes) > 1 else ""
             told.append(
                 f"{capital(e.name)} is certain but small: it changes free runs {d.reach} by {size} in "
-                f"{channel(name).label}, where the sensor noise is {noise}, and by even less in other channels."
+                f"{channel(name).label}, where the sensor noise is {noise}{others}."
             )
     return " ".join(told)
 

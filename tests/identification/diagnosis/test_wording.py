@@ -2,7 +2,7 @@
 
 import pytest
 
-from identification.diagnosis.wording import ends, inside
+from identification.diagnosis.wording import ends, inside, quantity
 
 
 @pytest.mark.parametrize(
@@ -16,3 +16,10 @@ from identification.diagnosis.wording import ends, inside
 )
 def test_a_size_has_as_many_figures_as_the_ends_of_its_interval(value, limits, unit, words):
     assert (inside(value, limits, unit), *ends(limits, unit)) == words
+
+
+@pytest.mark.parametrize(
+    "value, figures, text", [(150.0, 2, "150 kg"), (1.5, 2, "1.5 kg"), (1234.6, 3, "1235 kg"), (2e6, 3, "2e+06 kg")]
+)
+def test_numbers_of_usual_size_have_no_exponent(value, figures, text):
+    assert quantity(value, "kg", figures) == text

@@ -183,6 +183,11 @@ def test_a_member_that_is_likelier_than_the_effect_it_is_tied_with_is_said_to_be
     )
     assert said(play, 0.48).endswith("rudder backlash is more probable if all sets of effects are counted.")
     assert said(spared, 0.8) == said(spared, None) == ""
+    gain = replace(play, path="effects.rudder.gain", title="rudder gain")
+    effect = Effect(*width, probability=0.2, members=(play, gain))
+    assert _likelier_sentence(SimpleNamespace(effects=(effect,), titles=titles)).endswith(  # type: ignore[arg-type]
+        "; rudder backlash and rudder gain are more probable if all sets of effects are counted."
+    )
 
 
 @pytest.mark.parametrize(
