@@ -10,7 +10,7 @@ from datetime import UTC, datetime, time
 import numpy as np
 
 from auv_gym.channels import conversion
-from auv_gym.records.log import Column, Group, Log
+from auv_gym.records.log import Column, Group, Log, Untimed
 from auv_gym.records.mapping import DATED, TIMES, Names, Target, fitting_mappings, list_of
 from auv_gym.records.naming import looks_like
 
@@ -99,7 +99,7 @@ def _clock(group: Group, names: Names, log: Log, notes: list[str]) -> Clock:
             return _as_clock(name, columns, target, notes)
     for name, column in columns.items():
         _check_order(name, next(filter(str.strip, column), "") if isinstance(column, list) else "")
-    raise ValueError(
+    raise Untimed(
         "There is no column time_s (s; also time_ms, time_min, time_h, or dates in a column time); the columns are "
         f"{list_of(columns)}. {looks_like('time_s', columns)}"
         'Rename the one that holds time, or map it, as in "Time" = "time_s".'

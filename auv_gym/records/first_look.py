@@ -13,10 +13,10 @@ import numpy as np
 from auv_gym.channels import CHANNELS, SEGMENT_COLUMNS, conversion, in_unit, known_suffixes
 from auv_gym.records.completing import SOURCES
 from auv_gym.records.formats import format_of
-from auv_gym.records.log import Column, Group, Log, Scope
+from auv_gym.records.log import Column, Empty, Group, Log, Scope, Untimed
 from auv_gym.records.mapping import YOURS, Source, Target, guessed, is_known, load_mapping
 from auv_gym.records.naming import candidates
-from auv_gym.records.reading import EMPTY, assembled, command_for, find_log, open_log
+from auv_gym.records.reading import assembled, command_for, find_log, open_log
 from auv_gym.records.record import Record
 from auv_gym.records.suspicions import suspicions
 from auv_gym.records.time_axis import gap_limit
@@ -54,6 +54,7 @@ class FirstLook:
     rows: of the largest group.  start: s since 1970, if known.  sampled: samples read of each signal, None for all.
     notes: what was left out or mended.  doubts: what looks wrong, and what to do.
     record: the record that a vehicle would get; None if nothing was recognised; `problem` then says why.
+    empty: whether no column has a value.  untimed: whether it has no time, or the same one in all rows.
     """
 
     path: Path
@@ -69,22 +70,14 @@ class FirstLook:
     record: Record | None
     log: Log
     problem: str = ""
+    empty: bool = False
+    untimed: bool = False
 
     @property
     def unread(self) -> bool:
         """Whether it has columns for a record that could not be read, such as those without a time or a value."""
         known = self.known is not None and not self.known.by_channel and not self.empty
         return self.record is None and not self.is_profile and not known
-
-    @property
-    def empty(self) -> bool:
-        """Whether none of its columns has a value."""
-        return self.problem.endswith(EMPTY)
-
-    @property
-    def untimed(self) -> bool:
-        """Whether it has no time, or the same one in all rows."""
-        return any(words in self.problem for words in ("no column time_s", "have the same time"))
 
     @property
     def channels(self) -> set[str]:
@@ -167,12 +160,12 @@ def look_at(log: str | Path, mapping: object = None, beside: Path | None = None)
     names = load_mapping(cast("Any", mapping))
     large = format_of(path).slow and _size(path) > WHOLE
     content = open_log(path, Scope(most=SAMPLE if large else None, beside=beside))
-    known, record, problem = None, None, ""
+    known, record, problem, why = None, None, "", None
     try:
         known = understood(content, names, Needs())
         record = assembled(known, Needs())
     except ValueError as error:
-        problem = str(error)
+        problem, why = str(error), error
     times = [_span(group, known) for group in content.groups]
     spans = [span for span in times if span is not None]
     duration = max((b for _, b in spans), default=0.0) - min((a for a, _ in spans), default=0.0)
@@ -192,6 +185,8 @@ def look_at(log: str | Path, mapping: object = None, beside: Path | None = None)
         known=known,
         record=record,
         problem=problem,
+        empty=isinstance(why, Empty),
+        untimed=isinstance(why, Untimed),
         log=content,
     )
 

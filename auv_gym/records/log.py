@@ -145,6 +145,14 @@ def array_columns(name: str, rows: Sequence[Any]) -> dict[str, np.ndarray]:
     return {f"{name}[{k}]": table[:, k].copy() for k in range(longest)}
 
 
+class Untimed(ValueError):
+    """Error: a log has no time, or the same one in all rows."""
+
+
+class Empty(ValueError):
+    """Error: none of a log's columns has a value."""
+
+
 def missing_extra(what: str, package: str, extra: str) -> ValueError:
     """The error for a format whose package is not installed."""
     return ValueError(f"{what} are read by the package {package}, which is not installed; {how_to_install(extra)}.")

@@ -11,6 +11,7 @@ import numpy as np
 from auv_gym.channels import Channel, channel
 from auv_gym.param import listed
 from auv_gym.records.attitude import ANGLES, QUATERNION, angles, from_angles, interpolated, turns_far
+from auv_gym.records.log import Untimed
 from auv_gym.records.record import RARER
 from auv_gym.records.time_axis import SAME, gap_limit, near_limit
 
@@ -77,7 +78,7 @@ def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
     last value, unless they are no longer sent, see `_lasts`.  Measurements are interpolated linearly, attitudes along
     the shortest rotation, if two samples are no further apart than the signal's gap limit and `near_limit`; otherwise
     they are missing, except in the row next to a sample.
-    Raises ValueError if there are no rows, or if all have the same time.
+    Raises Untimed if no row has a time, or if all have the same one.
     """
     notes: list[str] = []
     ordered = [in_order(stream, notes) for stream in streams if stream.time.size]
@@ -85,7 +86,7 @@ def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
     if not ordered:
         untimed = max((stream.time.size for stream in streams), default=0)
         if untimed:
-            raise ValueError(
+            raise Untimed(
                 f"None of the {untimed} rows has a time. A record needs each sample's time: give another column as "
                 "time_s."
             )
@@ -94,7 +95,7 @@ def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
     base = ordered[at]
     rows = max(stream.time.size for stream in streams if stream.name == base.name)
     if base.time.size == 1 < rows:
-        raise ValueError(
+        raise Untimed(
             f"All {rows} rows have the same time. A record needs each sample's time: give another column as time_s."
         )
     beside = _beside(base, name)

@@ -17,7 +17,7 @@ from auv_gym.records.completing import hydrography
 from auv_gym.records.formats import check_file, format_of
 from auv_gym.records.gliding import glide_speed
 from auv_gym.records.joining import check_apart, labelled, labels_of, one_after_the_other, side_by_side
-from auv_gym.records.log import Format, Log, Scope
+from auv_gym.records.log import Empty, Format, Log, Scope
 from auv_gym.records.mapping import MappingLike, Names, guessed, list_of, load_mapping, sources
 from auv_gym.records.merging import merged
 from auv_gym.records.mermaid import is_mermaid, mermaid_dives
@@ -28,7 +28,6 @@ from auv_gym.records.record import Record, check_gap
 from auv_gym.records.understanding import NO_VALUE, Needs, Understood, joined_labels, understood
 
 _OF_PLACE = ("latitude_rad", "longitude_rad", "magnetic_variation_rad")  # only used while a log is read
-EMPTY = "Its columns are empty: export the log again, or use another one."
 _FEW = 5  # reasons listed in an error
 _SAMPLE = 50  # rows per group, enough to see which columns a slow format has
 
@@ -186,9 +185,7 @@ def assembled(
             dives = mermaid_dives(stream.time, stream.values, labels, source)
             return dives.with_notes([*notes, *dives.notes])
     if not known.streams:
-        raise ValueError(
-            f"No column of the log could be read as a channel besides its time. {_reasons(known)}{_what_to_do(known)}"
-        )
+        raise _without_channels(known)
     leading = next((name for name in needs.required if any(name in s.values for s in known.streams)), None)
     joined = merged(known.streams, leading)
     notes += joined.notes
@@ -269,11 +266,12 @@ def _reasons(known: Understood) -> str:
     return " ".join(known.notes[:_FEW]) + (f" And {more} more. " if more > 0 else " ")
 
 
-def _what_to_do(known: Understood) -> str:
-    """What to do about a log without channels: a mapping cannot help if its columns are empty."""
+def _without_channels(known: Understood) -> ValueError:
+    """The error for a log without channels: a mapping cannot help if its columns are empty."""
+    text = f"No column of the log could be read as a channel besides its time. {_reasons(known)}"
     if known.notes and all(note.endswith(NO_VALUE) for note in known.notes):
-        return EMPTY
-    return 'Name them in a mapping, as in "Hdg" = "heading_deg".'
+        return Empty(f"{text}Its columns are empty: export the log again, or use another one.")
+    return ValueError(f'{text}Name them in a mapping, as in "Hdg" = "heading_deg".')
 
 
 def command_for(name: str) -> str:
