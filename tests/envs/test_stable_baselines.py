@@ -12,7 +12,7 @@ def test_without_stable_baselines_the_error_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "stable_baselines3", None)
     monkeypatch.setitem(sys.modules, "stable_baselines3.common.vec_env", None)
     monkeypatch.delitem(sys.modules, "auv_gym.envs.stable_baselines", raising=False)
-    with pytest.raises(ImportError, match=r"auv-gym\[rl\]"):
+    with pytest.raises(ImportError, match=r"pip install '\.\[rl\]'"):
         import auv_gym.envs.stable_baselines  # noqa: F401
 
 

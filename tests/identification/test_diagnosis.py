@@ -104,7 +104,7 @@ def test_the_readme_says_what_its_program_prints(ammonite, tmp_path, capsys, mon
     assert readme_figure.main(["--out", str(tmp_path)]) == 0
     before, after = re.findall(r"([\d.]+) deg before, ([\d.]+) deg after", capsys.readouterr().out)[0]
     readme = (Path(__file__).parents[2] / "README.md").read_text()
-    assert f"{float(before):.1f} deg with the refitted model" in readme
+    assert f"{float(before):.1f} deg once the coefficients are refitted" in readme
     assert f"{float(after):.1f} deg with the two effects" in readme
     assert (tmp_path / "ammonite.png").stat().st_size > 10_000
     assert [p.name for p in tmp_path.iterdir()] == ["ammonite.png"]

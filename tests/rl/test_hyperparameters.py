@@ -74,5 +74,5 @@ def test_a_missing_file_and_a_missing_package(tmp_path, monkeypatch):
     with pytest.raises(ValueError, match="Cannot read"):
         hyperparameters_for("Depth-v0", tmp_path / "none.yml")
     monkeypatch.setitem(sys.modules, "yaml", None)
-    with pytest.raises(ImportError, match=r"auv-gym\[rl\]"):
+    with pytest.raises(ImportError, match=r"pip install '\.\[rl\]'"):
         hyperparameters_for("Depth-v0")

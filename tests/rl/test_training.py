@@ -308,13 +308,13 @@ def test_another_training_in_the_same_folder_is_refused(trained):
 
 def test_without_sb3_contrib_the_error_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "sb3_contrib", None)
-    with pytest.raises(ImportError, match=r"auv-gym\[rl\]"):
+    with pytest.raises(ImportError, match=r"pip install '\.\[rl\]'"):
         make_agent(small(recurrent=True))
 
 
 def test_without_stable_baselines_the_error_names_the_extra(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "stable_baselines3", None)
-    with pytest.raises(ImportError, match=r"auv-gym\[rl\]"):
+    with pytest.raises(ImportError, match=r"pip install '\.\[rl\]'"):
         train(small(), tmp_path / "policy")
 
 

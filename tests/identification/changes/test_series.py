@@ -173,7 +173,7 @@ def test_a_scheduler_is_asked_before_anything_is_fitted(tmp_path, monkeypatch):
     given = (missions, load_vehicle("slocum"), tmp_path)
     with monkeypatch.context() as without:
         without.setitem(sys.modules, "distributed", None)
-        with pytest.raises(ImportError, match=r"auv-gym\[distributed\]"):
+        with pytest.raises(ImportError, match=r"pip install '\.\[distributed\]'"):
             follow_series(*given, scheduler="tcp://127.0.0.1:9")
     pytest.importorskip("distributed")
     monkeypatch.setattr("identification.campaign.running.pool._ANSWER", 0.5)

@@ -118,8 +118,15 @@ def test_a_controller_that_does_not_match_the_environment_is_said():
     slocum = heading_pid(load_vehicle("slocum"))
     with pytest.raises(ValueError, match=r"does not follow a target of 'depth_m'.*It follows heading_rad"):
         drive(made("GliderHeading"), slocum, seed=1, targets={"depth_m": [(0.0, 5.0)]})
-    with pytest.raises(ValueError, match="The controller needs 'depth_m', which is not among the readings"):
+    with pytest.raises(ValueError, match="Pid needs a reading of depth_m, got readings of heading_rad"):
         drive(made("GliderHeading"), Pid(1.0, measured="depth_m"), seed=1)
+
+    class Own(Pid):
+        def act(self, state, reading, target):
+            return {self.command: reading["depth_m"]}, state
+
+    with pytest.raises(ValueError, match="The controller needs 'depth_m', which is not among the readings"):
+        drive(made("GliderHeading"), Own(1.0, measured="heading_rad"), seed=1)
     with pytest.raises(ValueError, match=r"drives environments of auv_gym, .*, got CartPoleEnv"):
         drive(gymnasium.make("CartPole-v1"), slocum, seed=1)
 
