@@ -194,18 +194,23 @@ def _by_log(logs: Mapping[str, Mapping[int, Any]]) -> Sheet:
 
 
 def _by_family(families: Mapping[str, Mapping[int, Any]]) -> Sheet:
-    """The share of logs with the same names as the whole, of those whose whole is named or tied."""
+    """The share of logs with the same names as the whole, of those whose whole is named or tied.
+
+    A log that is too short for a choice, and is refused, has no names to compare.
+    """
     rows = []
     for family, runs in families.items():
         by_choice = [{r["choice"]: r for r in run} for run in runs.values()]
         sure = [one for one in by_choice if one[WHOLE]["verdict"] in ("named", "tied")]
-        same = {c: [is_same(one[WHOLE]["groups"], one[c]["groups"]) for one in sure] for c in CHOICES[1:]}
-        for choice, hits in same.items():
-            flagged = sum(one[choice]["verdict"] == "unexplained" for one in sure)
-            rows.append([family, choice, f"{len(hits)}", rate(hits), f"{flagged}"])
-        every = [hit for hits in same.values() for hit in hits]
-        rows += [[family, "all", f"{len(every)}", rate(every), ""], []]
-    heads = ["vehicles", "choice", "logs>", "same names, %>", "unexplained>"]
+        every: list[bool] = []
+        for choice in CHOICES[1:]:
+            used = [one for one in sure if one[choice]["verdict"] != "refused"]
+            hits = [is_same(one[WHOLE]["groups"], one[choice]["groups"]) for one in used]
+            flagged = sum(one[choice]["verdict"] == "unexplained" for one in used)
+            rows.append([family, choice, f"{len(hits)}", rate(hits), f"{flagged}", f"{len(sure) - len(used)}"])
+            every += hits
+        rows += [[family, "all", f"{len(every)}", rate(every), "", ""], []]
+    heads = ["vehicles", "choice", "logs>", "same names, %>", "unexplained>", "refused>"]
     title = "Simulated logs whose one effect is named: the same names with choices that should not matter"
     return Sheet("simulated", title, heads, rows)
 

@@ -101,6 +101,7 @@ def test_the_table_of_simulated_logs_counts_those_with_the_same_names_of_those_t
         0: [("named", [["a"]]), ("tied", [["a", "b"]])],
         1: [("named", [["a"]]), ("unexplained", [["a"], ["c"]])],
         2: [("unexplained", [["a"]]), ("named", [["a"]])],  # nothing is named that could be kept
+        3: [("named", [["a"]]), ("refused", [])],  # too short
     }
     told = {
         seed: [{"choice": c, "verdict": v, "groups": g} for c, (v, g) in zip(choices.CHOICES, run, strict=True)]
@@ -108,6 +109,6 @@ def test_the_table_of_simulated_logs_counts_those_with_the_same_names_of_those_t
     }
     (sheet,) = choices.sheets(Found({"glider": told}, {}))
     assert [row[1:] for row in sheet.rows if row] == [
-        ["first half", "2", "50.0 (1.3 to 98.7)", "1"],
-        ["all", "2", "50.0 (1.3 to 98.7)", ""],
+        ["first half", "2", "50.0 (1.3 to 98.7)", "1", "1"],
+        ["all", "2", "50.0 (1.3 to 98.7)", "", ""],
     ]
