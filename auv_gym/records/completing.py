@@ -12,8 +12,8 @@ from auv_gym.channels import depth_from_pressure
 from auv_gym.extra import how_to_install
 from auv_gym.records import seawater
 from auv_gym.records.attitude import QUATERNION, QUATERNION_ENU_FLU, angles, continuous, from_enu_flu, proper
-from auv_gym.records.merging import Stream
 from auv_gym.records.mermaid import COLUMNS as MERMAID
+from auv_gym.records.streams import Stream
 
 _ANGLES = ("roll_rad", "pitch_rad", "heading_rad")
 _MIDDLE = 45.0  # deg of latitude

@@ -13,8 +13,8 @@ from auv_gym.records.clocks import Clock, clocks_of
 from auv_gym.records.completing import completed
 from auv_gym.records.log import Column, Group, Log
 from auv_gym.records.mapping import YOURS, Names, Source, fitting_mappings, sources
-from auv_gym.records.merging import Stream
 from auv_gym.records.readers.text import numbers_or_text
+from auv_gym.records.streams import Stream
 
 NO_VALUE = "samples has a value."  # the end of a note on an empty column
 _EPOCH_FROM = 1e8  # s; larger times count from 1970 and are shifted to start at zero

@@ -11,8 +11,9 @@ from auv_gym.channels import channel
 from auv_gym.model import elapsed_over_gaps
 from auv_gym.plant import Plant
 from auv_gym.plant.record_check import needs_of
-from auv_gym.records.merging import Stream, merged
+from auv_gym.records.merging import merged
 from auv_gym.records.record import Record
+from auv_gym.records.streams import Stream
 from scripts.blind.logs import Conditions
 
 EVEN, REALISTIC = "even", "realistic"

@@ -17,8 +17,9 @@ from auv_gym.records.attitude import (
     turns_far,
     unrolled,
 )
-from auv_gym.records.merging import Stream, merged
+from auv_gym.records.merging import merged
 from auv_gym.records.record import Record
+from auv_gym.records.streams import Stream
 
 FINE = st.floats(-np.pi, np.pi)
 

@@ -5,7 +5,7 @@ from auv_gym.channels import depth_from_pressure
 from auv_gym.records import seawater
 from auv_gym.records.attitude import QUATERNION, QUATERNION_ENU_FLU
 from auv_gym.records.completing import completed, hydrography
-from auv_gym.records.merging import Stream
+from auv_gym.records.streams import Stream
 
 T = np.arange(5.0)
 

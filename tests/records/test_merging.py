@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from auv_gym.records.attitude import QUATERNION, angles, from_angles
-from auv_gym.records.merging import Stream, in_order, merged
+from auv_gym.records.merging import merged
+from auv_gym.records.streams import Stream, in_order
 
 NAMES = ("pitch_rad", "roll_rad", "temperature_C", "salinity_psu", "altitude_m")
 
