@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -111,7 +112,8 @@ def _to_minari(plant: Plant, dataset: str, names: list[str], mapping: Path | Non
     from auv_gym.plant.record_check import needs_of
 
     check_dataset_name(dataset)
-    record = logs.read_log(names, mapping, cache_dir, needs_of(plant), True)
+    complete = replace(needs_of(plant), spare=frozenset())  # no observation is made up
+    record = logs.read_log(names, mapping, cache_dir, complete, True)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", module="minari")  # on an author, a link and an environment that a log lacks
         made = dataset_of_records(dataset, record, plant)

@@ -68,6 +68,18 @@ def test_minari_takes_logs(tmp_path, monkeypatch, capsys):
     assert "1 episode, 39 steps: minari.load_dataset('glider/log-v0')" in capsys.readouterr().out
 
 
+def test_observations_are_readings(tmp_path, monkeypatch):
+    """A rate that is missing for half of the log is no observation; on straight lines, it would be made up."""
+    minari = pytest.importorskip("minari", reason="the extra `minari` is not installed")
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    rows = "".join(f"{k},{0.01 * k},{0.001 * k},{0.01 if k < 20 else ''}\n" for k in range(40))
+    (tmp_path / "log.csv").write_text("time_s,rudder_rad,heading_rad,r_radps\n" + rows)
+    given = ["export", "ganeshblue", "--to", "minari", "--log", str(tmp_path / "log.csv"), "--out", "glider/half-v0"]
+    assert main(given) == 0
+    (episode,) = minari.load_dataset("glider/half-v0").iterate_episodes()
+    assert episode.observations.shape == (40, 1)
+
+
 def test_options_of_another_form_are_refused(capsys):
     assert main(["export", "ganeshblue", "--to", "minari"]) == 1
     assert main(["export", "ganeshblue", "--to", "sdf", "--continuous"]) == 1
