@@ -8,7 +8,7 @@ import numpy as np
 
 from auv_gym.param import check_count, check_number
 from auv_gym.plant import Chart, Plant
-from auv_gym.plant.record_check import FEW, check_excitation, check_ranges, described
+from auv_gym.plant.record_check import FEW, check_excitation, check_ranges, described, needs_of
 from auv_gym.records.record import Record
 from identification.deciding import LEAST_WINDOWS, MOST_FOLLOWED, MOST_GROWTH, MOST_PARTS, SETTLE_SHARE
 from identification.diagnosis.log.parts import Part, excerpts, parts_of, windows_of
@@ -118,7 +118,7 @@ def check_log(record: Record, plant: Plant, asked: Asked) -> CheckedLog:
     Raises ValueError if it is too short, lacks a channel, or does not excite the vehicle.
     """
     check_ranges(plant, record, FEW)
-    record = described(plant, record)
+    record = _often_read(described(plant, record), plant, asked.window or plant.window)
     left_out = _adrift(record, plant)
     record = record.without(left_out)
     window, settle = asked.window or _usual_window(plant, record), asked.settle
@@ -146,6 +146,24 @@ def too_short(record: Record, plant: Plant) -> str:
     except ValueError as error:
         return str(error)
     return ""
+
+
+def _often_read(record: Record, plant: Plant, window: float) -> Record:
+    """The record without measurements that were not read for longer than a free run lasts, with a note on each.
+
+    A position that is fixed at the surface only says little about the runs in between.
+    """
+    seldom = {}
+    for name in sorted(needs_of(plant).spare):
+        if record.has(name):
+            read, time = record.readings(name), record.time
+            apart = [np.diff(time[s][read[s]], prepend=time[s.start], append=time[s.stop - 1]) for s in record.segments]
+            seldom[name] = max(float(own.max()) for own in apart)
+    seldom = {name: gap for name, gap in seldom.items() if gap > window}
+    lines = [
+        f"{name} is left out: it was not read for {gap:,.0f} s, longer than a free run." for name, gap in seldom.items()
+    ]
+    return record.without(seldom).with_notes([*record.notes, *lines]) if seldom else record
 
 
 def _adrift(record: Record, plant: Plant) -> tuple[str, ...]:

@@ -257,9 +257,9 @@ def _match(record: Record, plant: Plant, paths: Sequence[str] = (), iterations: 
             found, point = _fitted(problem, plant, paths, iterations)
     match, known = Match(found), np.isfinite(point.cost)
     for c, name in enumerate(problem.channels):
-        if problem.counts[c] == 0:
-            continue
         held, window = record.readings(name), problem.window_of_row  # filled-in values are less noisy
+        if problem.counts[c] == 0 or not held.any():
+            continue
         residual = point.residual[held, c]
         error = float(np.nanmean(residual**2)) if known else np.inf
         match.add(name, problem.signals[held, c], error, window[held])

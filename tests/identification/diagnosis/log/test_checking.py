@@ -6,11 +6,13 @@ import pytest
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
 from identification.diagnosis.log.checking import Asked, _adrift, check_log
+from identification.diagnosis.log.plausibility import log_doubts
 from identification.experiments.hovering import hover
 from identification.experiments.manoeuvres import NOISE
 from identification.experiments.missions import run_mission
 from identification.fit.shooting import Shooting
 from identification.fit.stretches import Stretches
+from identification.fit.windows import free_run_windows
 
 TIME = np.arange(0.0, 20.0, 0.05)
 SPEEDS = ("u_mps", "v_mps", "w_mps")
@@ -135,3 +137,24 @@ def test_a_log_too_short_for_windows_of_half_the_length_is_refused():
     record = run_mission(plant, np.random.default_rng(1), duration=200.0)
     with pytest.raises(ValueError, match="at least 4 windows of 120 s"):
         check_log(record, plant, Asked())
+
+
+def test_a_measurement_that_was_not_read_for_longer_than_a_free_run_is_left_out():
+    """A position at the surface, before and after a dive, and one with short outages."""
+    glider = load_vehicle("slocum")
+    log = run_mission(glider, np.random.default_rng(0), duration=1200.0)
+    surfaced, there = (log.time < 60.0) | (log.time > 1140.0), log.time % 100.0 < 60.0
+    checked = check_log(log.with_readings({"north_m": there, "east_m": surfaced}), glider, Asked())
+    assert checked.record.has("north_m")
+    assert not checked.record.has("east_m")
+    assert checked.record.notes[-1] == "east_m is left out: it was not read for 1,088 s, longer than a free run."
+
+
+def test_a_check_of_a_log_needs_no_readings_where_the_commands_move_most():
+    glider = load_vehicle("slocum")
+    log = run_mission(glider, np.random.default_rng(0), duration=1200.0)
+    rare = log.with_readings({"north_m": np.arange(len(log)) % 24 == 0})
+    windows = free_run_windows(glider, rare, 100.0)
+    assert log_doubts(rare, glider, windows, 20.0) == ()
+    none = log.with_readings({"north_m": np.zeros(len(log), dtype=bool)})
+    assert log_doubts(none, glider, windows, 20.0) == ()
