@@ -151,7 +151,7 @@ def test_an_effect_of_one_log_is_named_with_that_log(tmp_path):
     assert "vehicle.toml has the vehicle as it was in the last log, log1.csv." in found.summary()
     assert rivals_of(found) == ()
     (loop,) = found.loops
-    assert "in log1.csv." in loop.words
+    assert loop.words.startswith("In log1.csv, the controller missed its set point of heading by ")
     assert loop.after < 0.7 * loop.before
     files = write_diagnosis(found, tmp_path)
     assert value_at(load_vehicle(files["vehicle.toml"]), OFFSET) == pytest.approx(only.value)
