@@ -172,6 +172,12 @@ class Record:
             held[s] = np.diff(number, prepend=-1.0) > 0.0
         return held
 
+    def longest_unread(self, name: str) -> float:
+        """The longest time within a segment in which a channel has no reading, s."""
+        time, read = self.time, self.readings(name)
+        own = [np.diff(time[s][read[s]], prepend=time[s.start], append=time[s.stop - 1]) for s in self.segments]
+        return max(float(apart.max()) for apart in own)
+
     def is_uniform(self, tol: float = 1e-3) -> bool:
         """Whether all intervals within segments equal the median, to `tol` times the median."""
         median, farthest = self._typical

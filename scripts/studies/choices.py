@@ -123,9 +123,10 @@ def large(drawn: Drawn) -> bool:
 
 def _named(log: Chosen, choice: str) -> dict[str, Any]:
     began, record = perf_counter(), CUTS.get(choice, lambda whole: whole)(log.record)
-    settings = {"window": log.window, "settle": log.settle} | dict(SETTINGS.get(choice, {}))
-    if "window" in SETTINGS.get(choice, {}):
-        settings["window"] *= log.window or log.plant.window
+    changed = dict(SETTINGS.get(choice, {}))
+    if "window" in changed:
+        changed["window"] *= log.window or log.plant.window
+    settings = {"window": log.window, "settle": log.settle} | changed
     try:
         found = diagnose(record, log.plant, source=log.name, **settings)
     except ValueError as error:

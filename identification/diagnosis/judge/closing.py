@@ -54,9 +54,8 @@ def closed_loop(
     plant = stages["given"]
     targets = targets_of(plant, record)
     wanted = ", ".join(map(set_point_of, _targets(plant)))
-    reason = "" if targets else f"the log has no set points ({wanted})."
-    if not wanted:
-        reason = f"no autopilot is known for {plant.name}."
+    lacking = f"the log has no set points ({wanted})." if wanted else f"no autopilot is known for {plant.name}."
+    reason = "" if targets else lacking
     controller = None
     if not reason:
         try:

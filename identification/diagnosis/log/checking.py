@@ -153,13 +153,8 @@ def _often_read(record: Record, plant: Plant, window: float) -> Record:
 
     A position that is fixed at the surface only says little about the runs in between.
     """
-    seldom = {}
-    for name in sorted(needs_of(plant).spare):
-        if record.has(name):
-            read, time = record.readings(name), record.time
-            apart = [np.diff(time[s][read[s]], prepend=time[s.start], append=time[s.stop - 1]) for s in record.segments]
-            seldom[name] = max(float(own.max()) for own in apart)
-    seldom = {name: gap for name, gap in seldom.items() if gap > window}
+    gaps = {name: record.longest_unread(name) for name in sorted(needs_of(plant).spare) if record.has(name)}
+    seldom = {name: gap for name, gap in gaps.items() if gap > window}
     lines = [
         f"{name} is left out: it was not read for {gap:,.0f} s, longer than a free run." for name, gap in seldom.items()
     ]

@@ -178,13 +178,7 @@ def _system(record: Record, plant: Plant) -> _System | None:
 def _read_throughout(block: Record) -> Record:
     """A block without the channels that were not read for a while: between far readings, the motion is unknown."""
     limit = near_limit(block.sample_interval)
-    lost = [
-        name
-        for name in block.names
-        if not channel(name).held
-        and np.diff(block.time[block.readings(name)], prepend=block.time[0], append=block.time[-1]).max() > limit
-    ]
-    return block.without(lost)
+    return block.without([n for n in block.names if not channel(n).held and block.longest_unread(n) > limit])
 
 
 def _blocks(record: Record) -> list[slice]:
